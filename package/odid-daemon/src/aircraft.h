@@ -1,0 +1,143 @@
+/*
+ * What is known of the aircraft, from which source, since when.
+ *
+ * Pure: holds the rules of priority and freshness, and never reads a clock.
+ * Per group of fields (position, motion, status, operator location) the best
+ * fresh source speaks: native Open Drone ID messages, else plain telemetry,
+ * else configuration. For the identity it is the other way round: what is
+ * configured speaks, native fills what isn't, and a difference is reported.
+ *
+ * Fresh means that the source's own timestamp moved within the last 3 s, not
+ * that a packet came. What isn't known is NAN here and "unknown" on the air;
+ * nothing is ever invented.
+ */
+#ifndef ODID_AIRCRAFT_H
+#define ODID_AIRCRAFT_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "config.h"
+#include "telemetry.h"
+
+/* A source that was silent for this long gives way to the next better one. */
+#define AIRCRAFT_FRESH_US 3000000
+
+enum source { SOURCE_NONE, SOURCE_CONFIGURATION, SOURCE_TELEMETRY, SOURCE_NATIVE };
+
+/* ASTM F3411 operational status. */
+enum aircraft_status {
+    AIRCRAFT_UNDECLARED = 0,
+    AIRCRAFT_GROUND = 1,
+    AIRCRAFT_AIRBORNE = 2,
+    AIRCRAFT_EMERGENCY = 3,
+    AIRCRAFT_REMOTE_ID_FAILURE = 4,
+};
+
+/* The place where it was armed. Kept over a restart of the daemon by main. */
+struct aircraft_takeoff {
+    bool known;
+    double latitude_deg, longitude_deg;
+    double altitude_msl_m, altitude_geodetic_m; /* each NAN when unknown */
+};
+
+struct aircraft_location {
+    enum aircraft_status status;
+    enum source status_source;
+    enum source position_source;
+    double latitude_deg, longitude_deg;
+    double altitude_barometric_m; /* pressure altitude, 1013.25 hPa */
+    double altitude_geodetic_m;   /* above the WGS-84 ellipsoid */
+    double height_m;
+    bool height_above_ground; /* else above the take-off point */
+    uint8_t horizontal_accuracy, vertical_accuracy, barometer_accuracy,
+        timestamp_accuracy; /* ASTM codes */
+    double timestamp_s;     /* of the fix: seconds since the full UTC hour, [0, 3600) */
+    int64_t fix_us;         /* of the fix on our clock; INT64_MIN when there never was one */
+    bool position_fresh;
+    enum source motion_source;
+    double direction_deg; /* course over ground, [0, 360) */
+    double speed_mps, vertical_speed_mps;
+    uint8_t speed_accuracy; /* ASTM code */
+};
+
+struct aircraft_basic_id {
+    uint8_t id_type, ua_type;
+    char uas_id[21];
+    enum source source;
+};
+
+struct aircraft_system {
+    uint8_t operator_location_type; /* of what is really sent: 0 take-off, 1 live GNSS, 2 fixed */
+    enum source operator_source;
+    double operator_latitude_deg, operator_longitude_deg, operator_altitude_m;
+    uint8_t classification_type, category_eu, class_eu;
+    uint16_t area_count, area_radius_m;
+    double area_ceiling_m, area_floor_m;
+    uint32_t timestamp_2019_s; /* seconds since 2019-01-01 UTC, 0 = unknown */
+};
+
+struct aircraft_auth_page {
+    uint8_t type, page, last_page, length;
+    uint32_t timestamp_2019_s;
+    uint8_t data[TELEMETRY_AUTH_PAGE_SIZE];
+};
+
+/* Everything that can be broadcast, as it stands at one instant. */
+struct aircraft_view {
+    unsigned basic_ids; /* 0..2 */
+    struct aircraft_basic_id basic_id[2];
+    struct aircraft_location location;
+    unsigned auth_pages; /* 0 unless every page of the message has come */
+    struct aircraft_auth_page auth[TELEMETRY_AUTH_PAGES];
+    bool self_id_set;
+    uint8_t description_type;
+    char description[24];
+    struct aircraft_system system;
+    char operator_id[21]; /* empty when unknown */
+    uint8_t operator_id_type;
+};
+
+/* What the autopilot says besides, for status and pilot. */
+struct aircraft_condition {
+    bool armed;
+    bool emergency;
+    bool heartbeat_fresh;
+    bool time_known;
+    int64_t unix_us; /* UTC now, when time_known */
+    bool takeoff_known;
+    bool takeoff_is_home; /* armed before we started: the autopilot's home stands in */
+    uint8_t mav_type, autopilot;
+    unsigned autopilot_restarts;
+    double position_rate_hz; /* new positions a second over the last 5 s; NAN before */
+    bool position_native;    /* that rate is of native LOCATION messages */
+    uint8_t basic_id_conflict, operator_id_conflict; /* native differs from configured: 1 */
+};
+
+struct aircraft; /* one per daemon */
+
+/* config must outlive the aircraft. start_us: now. Static storage, freshly zeroed. */
+struct aircraft *aircraft_init(const struct config *config, int64_t start_us);
+
+/* Takes one update from telemetry. */
+void aircraft_update(struct aircraft *aircraft, const struct telemetry_update *update,
+                     int64_t now_us);
+
+/* What to broadcast now. */
+void aircraft_view(const struct aircraft *aircraft, int64_t now_us, struct aircraft_view *view);
+
+void aircraft_condition(const struct aircraft *aircraft, int64_t now_us,
+                        struct aircraft_condition *condition);
+
+/* The frozen take-off point, to be kept over a restart, and given back after one. It is used only
+ * when the first HEARTBEAT says armed: then the arming edge was before our time. */
+const struct aircraft_takeoff *aircraft_takeoff(const struct aircraft *aircraft);
+void aircraft_restore_takeoff(struct aircraft *aircraft, const struct aircraft_takeoff *takeoff);
+
+/*
+ * ASTM UA type (0-15) of a MAV_TYPE, or -1 for a component that is no vehicle.
+ * The two enumerations look alike and are not.
+ */
+int aircraft_ua_type(uint8_t mav_type);
+
+#endif

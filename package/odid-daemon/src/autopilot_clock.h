@@ -1,0 +1,50 @@
+/*
+ * The autopilot's two clocks on ours: its time since boot, and UTC as it
+ * learnt it from its GNSS receiver.
+ *
+ * Pure. A board without a clock battery knows no time but the autopilot's.
+ * Both mappings hold over silence, are carried over an autopilot's restart,
+ * and survive the wrap of its 32-bit milliseconds after 49.7 days.
+ */
+#ifndef ODID_AUTOPILOT_CLOCK_H
+#define ODID_AUTOPILOT_CLOCK_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+struct autopilot_clock {
+    bool boot_known;
+    uint32_t last_boot_ms;
+    int64_t last_boot_us;   /* the same, not wrapped */
+    int64_t offset_us;      /* our clock minus boot time: the least delayed arrival tells */
+    int64_t offset_at_us;   /* when it was last looked at */
+    unsigned backward_seen; /* boot times in a row that were earlier than the newest */
+    bool utc_known;
+    int64_t utc_offset_us; /* UTC (Unix) minus boot time */
+    int64_t step_us;       /* another UTC offset that was seen ... */
+    unsigned step_seen;    /* ... this often in a row */
+    unsigned restarts;
+};
+
+/*
+ * Takes the boot time of a message that came now. Returns the instant on our
+ * clock at which the autopilot stamped it (never after now). restarted: its
+ * boot time went back by more than a second, and not for a delay on the way.
+ */
+int64_t autopilot_clock_boot(struct autopilot_clock *clock, uint32_t boot_ms, int64_t now_us,
+                             bool *restarted);
+
+/*
+ * Takes a SYSTEM_TIME. A time outside 2020-2100 is no GNSS time and ignored; a
+ * step of more than a second is believed at its third time in a row.
+ */
+void autopilot_clock_utc(struct autopilot_clock *clock, uint64_t unix_us, uint32_t boot_ms,
+                         int64_t now_us);
+
+/* UTC (Unix, microseconds) at an instant of our clock. Only when utc_known. */
+int64_t autopilot_clock_unix_us(const struct autopilot_clock *clock, int64_t at_us);
+
+/* Another autopilot takes over: its boot time starts anew, UTC goes on. */
+void autopilot_clock_new_boot(struct autopilot_clock *clock);
+
+#endif

@@ -1,0 +1,33 @@
+/*
+ * Bluetooth adapters: brought up, asked what they can do, set advertising, and
+ * kept so. Legacy and long range share an adapter where it can do both (as two
+ * advertising sets), or have one each.
+ *
+ * Capability is asked (LE Read Local Supported Features), never tried: an
+ * extended command locks a capable controller's legacy ones until reset.
+ * A Command Complete for an advertising command that we did not send, or a
+ * reset, is foreign, and undone at once: parameters, address, data and enable
+ * are set again.
+ */
+#ifndef ODID_BLUETOOTH_H
+#define ODID_BLUETOOTH_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "config.h"
+#include "messages.h"
+#include "radio.h"
+
+/* Starts one or two adapters' state machines, which keep the two radios' states current. */
+void bluetooth_start(const struct config *config, struct radio *bt4, struct radio *bt5,
+                     int64_t now_us);
+
+/* What to advertise from now on; the newest wins. Set even while not on air: it goes first then. */
+void bluetooth_set_legacy(const uint8_t data[MESSAGES_LEGACY_SIZE], int64_t now_us);
+void bluetooth_set_extended(const uint8_t *data, size_t length, int64_t now_us);
+
+/* Silence on all sets, synchronously as far as the transports take it: for the orderly end. */
+void bluetooth_stop(void);
+
+#endif

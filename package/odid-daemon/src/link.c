@@ -1,0 +1,285 @@
+#include "link.h"
+
+#include <arpa/inet.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/epoll.h>
+#include <sys/socket.h>
+#include <termios.h>
+#include <unistd.h>
+
+#include "log.h"
+#include "loop.h"
+#include "serial.h"
+#include "telemetry.h"
+
+#define RETRY_US 250000
+/* Reads per wake-up: a flood must not keep the schedule waiting. */
+#define READS_MAX 32
+/* A UDP sender that was silent for this long isn't counted any more. */
+#define SENDER_PRESENT_US 10000000
+
+struct sender {
+    struct sockaddr_in address; /* sin_family 0: free */
+    int64_t heard_us;
+};
+
+static struct {
+    const struct config *config;
+    link_bytes_fn *bytes;
+    link_reset_fn *reset;
+    void *context;
+    struct link_status status;
+    struct loop_watch watch;
+    struct loop_timer retry, silence;
+    int64_t heard_us; /* the last byte, or the opening */
+    struct sender senders[TELEMETRY_STREAMS];
+} self = {.watch.fd = -1};
+
+static void enter(enum link_state state, int64_t now_us)
+{
+    static const char *const names[] = {
+        [LINK_ABSENT] = "absent", [LINK_SILENT] = "silent", [LINK_ALIVE] = "alive"};
+
+    if (self.status.state == state) {
+        return;
+    }
+    self.status.state = state;
+    self.status.since_us = now_us;
+    if (state == LINK_ALIVE) {
+        self.status.detail[0] = '\0';
+        log_info("autopilot link %s: alive", self.status.name);
+    } else {
+        log_warning("autopilot link %s: %s (%s)", self.status.name, names[state],
+                    self.status.detail);
+    }
+}
+
+static void lose(const char *what, int error, int64_t now_us)
+{
+    int fd = self.watch.fd;
+
+    loop_unwatch(&self.watch);
+    if (fd >= 0) {
+        tcflush(fd, TCOFLUSH); /* or close may wait for output that nobody takes */
+        close(fd);
+    }
+    loop_arm(&self.silence, LOOP_NEVER);
+    loop_arm(&self.retry, now_us + RETRY_US);
+    snprintf(self.status.detail, sizeof(self.status.detail), "%s: %s", what, strerror(error));
+    enter(LINK_ABSENT, now_us);
+}
+
+static void heard(size_t length, int64_t now_us)
+{
+    self.heard_us = now_us;
+    self.status.bytes_in += length;
+    enter(LINK_ALIVE, now_us);
+}
+
+static void on_silence(void *context, int64_t now_us)
+{
+    (void)context;
+    if (now_us - self.heard_us >= LINK_SILENT_US) {
+        snprintf(self.status.detail, sizeof(self.status.detail), "open, but nothing comes");
+        enter(LINK_SILENT, now_us);
+        loop_arm(&self.silence, now_us + LINK_SILENT_US);
+    } else {
+        loop_arm(&self.silence, self.heard_us + LINK_SILENT_US);
+    }
+}
+
+/* ---- serial ---- */
+
+static void on_serial(void *context, uint32_t events, int64_t now_us)
+{
+    uint8_t buffer[512];
+    ssize_t length = -1;
+
+    (void)context;
+    for (int i = 0; i < READS_MAX; i++) {
+        length = read(self.watch.fd, buffer, sizeof(buffer));
+        if (length <= 0) {
+            break;
+        }
+        heard((size_t)length, now_us);
+        self.bytes(self.context, 0, buffer, (size_t)length, now_us);
+    }
+    if (length == 0) {
+        lose("hang-up", EIO, now_us);
+    } else if (length < 0 && errno != EAGAIN && errno != EINTR) {
+        lose("read", errno, now_us);
+    } else if (events & (EPOLLHUP | EPOLLERR)) {
+        lose("hang-up", EIO, now_us);
+    }
+}
+
+/* ---- UDP ---- */
+
+/* The sender's slot; a new one takes a free slot, or that of the longest silent. */
+static unsigned sender_slot(const struct sockaddr_in *address, int64_t now_us)
+{
+    unsigned slot = 0;
+
+    for (unsigned i = 0; i < TELEMETRY_STREAMS; i++) {
+        const struct sockaddr_in *known = &self.senders[i].address;
+
+        if (known->sin_family == AF_INET && known->sin_port == address->sin_port &&
+            known->sin_addr.s_addr == address->sin_addr.s_addr) {
+            self.senders[i].heard_us = now_us;
+            return i;
+        }
+        if (self.senders[slot].address.sin_family != 0 &&
+            (known->sin_family == 0 || self.senders[i].heard_us < self.senders[slot].heard_us)) {
+            slot = i;
+        }
+    }
+    self.senders[slot].address = *address;
+    self.senders[slot].heard_us = now_us;
+    self.reset(self.context, slot);
+    return slot;
+}
+
+static void count_senders(int64_t now_us)
+{
+    self.status.senders = 0;
+    for (unsigned i = 0; i < TELEMETRY_STREAMS; i++) {
+        if (self.senders[i].address.sin_family != 0 &&
+            now_us - self.senders[i].heard_us < SENDER_PRESENT_US) {
+            self.status.senders++;
+        }
+    }
+}
+
+static void on_udp(void *context, uint32_t events, int64_t now_us)
+{
+    uint8_t datagram[2048];
+    struct sockaddr_in from;
+
+    (void)context;
+    (void)events;
+    for (int i = 0; i < READS_MAX; i++) {
+        socklen_t size = sizeof(from);
+        ssize_t length =
+            recvfrom(self.watch.fd, datagram, sizeof(datagram), 0, (struct sockaddr *)&from, &size);
+
+        if (length < 0 && errno == ECONNREFUSED) {
+            continue; /* an answer of ours reached nobody; not about the socket */
+        }
+        if (length < 0) {
+            if (errno != EAGAIN && errno != EINTR) {
+                lose("receive", errno, now_us);
+            }
+            return;
+        }
+        heard((size_t)length, now_us);
+        self.bytes(self.context, sender_slot(&from, now_us), datagram, (size_t)length, now_us);
+    }
+    count_senders(now_us);
+}
+
+static int open_udp(void)
+{
+    struct sockaddr_in address = {.sin_family = AF_INET, .sin_port = htons(self.config->udp_port)};
+    int fd, error;
+
+    if (inet_pton(AF_INET, self.config->udp_address, &address.sin_addr) != 1) {
+        return -EADDRNOTAVAIL;
+    }
+    fd = socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+    if (fd < 0) {
+        return -errno;
+    }
+    if (bind(fd, (struct sockaddr *)&address, sizeof(address)) < 0) {
+        error = errno;
+        close(fd);
+        return -error;
+    }
+    return fd;
+}
+
+/* ---- both ---- */
+
+static void open_link(void *context, int64_t now_us)
+{
+    bool serial = self.config->source == MAVLINK_SOURCE_SERIAL;
+    int fd = serial ? serial_open(self.config->device, self.config->baud, false) : open_udp();
+    int result;
+
+    (void)context;
+    if (fd < 0) {
+        lose("open", -fd, now_us);
+        return;
+    }
+    result = loop_watch(&self.watch, fd, EPOLLIN, serial ? on_serial : on_udp, NULL);
+    if (result < 0) {
+        close(fd);
+        lose("watch", -result, now_us);
+        return;
+    }
+    for (unsigned i = 0; i < TELEMETRY_STREAMS; i++) {
+        self.senders[i].address.sin_family = 0;
+        self.reset(self.context, i);
+    }
+    self.status.opened++;
+    self.heard_us = now_us;
+    loop_arm(&self.silence, now_us + LINK_SILENT_US);
+    snprintf(self.status.detail, sizeof(self.status.detail), "open, nothing came yet");
+    log_info("autopilot link %s: open", self.status.name);
+    self.status.state = LINK_SILENT;
+    self.status.since_us = now_us;
+}
+
+void link_start(const struct config *config, link_bytes_fn *bytes, link_reset_fn *reset,
+                void *context, int64_t now_us)
+{
+    self.config = config;
+    self.bytes = bytes;
+    self.reset = reset;
+    self.context = context;
+    self.status.since_us = now_us;
+    if (config->source == MAVLINK_SOURCE_SERIAL) {
+        snprintf(self.status.name, sizeof(self.status.name), "%s at %u baud", config->device,
+                 config->baud);
+    } else {
+        snprintf(self.status.name, sizeof(self.status.name), "UDP %s:%u", config->udp_address,
+                 config->udp_port);
+    }
+    loop_timer_init(&self.retry, open_link, NULL);
+    loop_timer_init(&self.silence, on_silence, NULL);
+    open_link(NULL, now_us);
+    if (self.status.state == LINK_ABSENT) {
+        log_warning("autopilot link %s: not there yet (%s)", self.status.name, self.status.detail);
+    }
+}
+
+void link_send(unsigned stream, const uint8_t *frame, size_t length)
+{
+    const struct sockaddr_in *to = &self.senders[stream % TELEMETRY_STREAMS].address;
+    ssize_t sent;
+
+    if (self.watch.fd < 0) {
+        return;
+    }
+    if (self.config->source == MAVLINK_SOURCE_SERIAL) {
+        sent = write(self.watch.fd, frame, length);
+    } else if (to->sin_family == AF_INET) {
+        sent = sendto(self.watch.fd, frame, length, MSG_NOSIGNAL, (const struct sockaddr *)to,
+                      sizeof(*to));
+    } else {
+        return;
+    }
+    /* A frame cut short costs the receiver one bad CRC; waiting would cost us the schedule. */
+    if (sent == (ssize_t)length) {
+        self.status.bytes_out += length;
+    } else {
+        self.status.bytes_dropped += length;
+    }
+}
+
+const struct link_status *link_status(void)
+{
+    return &self.status;
+}

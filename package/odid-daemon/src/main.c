@@ -1,0 +1,349 @@
+/*
+ * odid-daemon: wires the modules together. Data flows one way:
+ *
+ *   link -> telemetry -> aircraft -> messages -> schedule -> radios
+ *
+ * and status and pilot listen to all of them.
+ */
+#include <errno.h>
+#include <pwd.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/epoll.h>
+#include <sys/signalfd.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "aircraft.h"
+#include "bluetooth.h"
+#include "health.h"
+#include "link.h"
+#include "log.h"
+#include "loop.h"
+#include "messages.h"
+#include "options.h"
+#include "pilot.h"
+#include "radio.h"
+#include "rfkill.h"
+#include "sandbox.h"
+#include "schedule.h"
+#include "status.h"
+#include "takeoff_file.h"
+#include "telemetry.h"
+#include "wifi_beacon.h"
+
+#define TICK_US 1000000
+/* Positions slower than this are asked for ... */
+#define POSITION_RATE_MIN_HZ 3.8
+/* ... at this interval, ... */
+#define POSITION_INTERVAL_US 200000
+/* ... again after this long, doubling each time up to the second figure. */
+#define ASK_AGAIN_US 10000000
+#define ASK_AGAIN_MAX_US 80000000
+/* MAVLink message ids that are asked for. */
+#define ID_SYSTEM_TIME 2
+#define ID_GLOBAL_POSITION_INT 33
+#define ID_OPEN_DRONE_ID_LOCATION 12901
+
+static struct {
+    struct options options;
+    struct telemetry *telemetry;
+    struct aircraft *aircraft;
+    struct radio radios[CHANNELS];
+    struct schedule schedule;
+    struct messages_counters counters;
+    struct messages_counter extended_counter, beacon_counter;
+    struct pilot pilot;
+    struct status_lateness lateness;
+    struct aircraft_takeoff stored_takeoff;
+    struct loop_timer slot, tick;
+    struct loop_watch signals;
+    int64_t start_us, tick_us, ask_us, ask_wait_us;
+    bool realtime;
+} self = {.signals.fd = -1};
+
+static const struct config *config(void)
+{
+    return &self.options.config;
+}
+
+/* ---- in: link -> telemetry -> aircraft ---- */
+
+static void on_bytes(void *context, unsigned stream, const uint8_t *bytes, size_t length,
+                     int64_t now_us)
+{
+    (void)context;
+    telemetry_receive(self.telemetry, stream, bytes, length, now_us);
+}
+
+static void on_stream_reset(void *context, unsigned stream)
+{
+    (void)context;
+    telemetry_reset_stream(self.telemetry, stream);
+}
+
+static void on_update(void *context, const struct telemetry_update *update, int64_t now_us)
+{
+    (void)context;
+    aircraft_update(self.aircraft, update, now_us);
+}
+
+/* ---- out: aircraft -> messages -> radios, by the schedule ---- */
+
+static void send_packs(const struct aircraft_view *view, bool location_slot, int64_t now_us)
+{
+    uint8_t pack[MESSAGES_PACK_SIZE], data[MESSAGES_ELEMENT_SIZE];
+    size_t pack_size = messages_pack(view, pack), size;
+
+    if (config()->wifi_beacon_enabled) {
+        size = messages_element(&self.beacon_counter, pack, pack_size, data);
+        wifi_beacon_set(data, size, now_us);
+    }
+    /* Long range advertises every 200 ms: a pack stays set for longer than that. */
+    if (config()->bt5_enabled && location_slot) {
+        size = messages_extended(&self.extended_counter, pack, pack_size, data);
+        bluetooth_set_extended(data, size, now_us);
+    }
+}
+
+static void on_slot(void *context, int64_t now_us)
+{
+    struct aircraft_view view;
+    struct schedule_entry entry;
+    unsigned available[MESSAGE_TYPES];
+    uint8_t data[MESSAGES_LEGACY_SIZE];
+    bool location_slot = self.schedule.slot % 2 == 0;
+
+    (void)context;
+    aircraft_view(self.aircraft, now_us, &view);
+    for (enum message_type type = 0; type < MESSAGE_TYPES; type++) {
+        available[type] = messages_available(&view, type);
+    }
+    entry = schedule_next(&self.schedule, now_us, available);
+    status_lateness_add(&self.lateness, entry.late_us, entry.skipped);
+    if (config()->bt4_enabled &&
+        messages_legacy(&self.counters, &view, entry.type, entry.index, data)) {
+        bluetooth_set_legacy(data, now_us);
+    }
+    send_packs(&view, location_slot, now_us);
+    loop_arm(&self.slot, entry.until_us);
+}
+
+/* ---- back: status and pilot ---- */
+
+static void send_to_vehicle(void *context, const uint8_t *frame, size_t length)
+{
+    int stream = telemetry_vehicle_stream(self.telemetry);
+
+    (void)context;
+    if (stream >= 0) {
+        link_send((unsigned)stream, frame, length);
+    }
+}
+
+static void judge(struct health_input *input, struct health *health, struct aircraft_view *view,
+                  struct aircraft_condition *condition, int64_t now_us)
+{
+    aircraft_view(self.aircraft, now_us, view);
+    aircraft_condition(self.aircraft, now_us, condition);
+    *input = (struct health_input){
+        .config = config(),
+        .view = view,
+        .condition = condition,
+        .link = link_status(),
+        .radios = self.radios,
+        .config_errors = self.options.errors,
+        .filter_logging = self.options.seccomp_log,
+        .realtime = self.realtime,
+    };
+    health_judge(health, input, now_us);
+}
+
+static void gather(void *context, struct status_snapshot *snapshot, int64_t now_us)
+{
+    static struct aircraft_view view;
+    static struct aircraft_condition condition;
+
+    (void)context;
+    judge(&snapshot->input, &snapshot->health, &view, &condition, now_us);
+    snapshot->counters = telemetry_counters(self.telemetry);
+    snapshot->lateness = &self.lateness;
+    snapshot->start_us = self.start_us;
+    snapshot->vehicle = telemetry_vehicle(self.telemetry);
+    snapshot->config_reports = self.options.reports;
+    snapshot->config_report = (const char(*)[CONFIG_PROBLEM_SIZE])self.options.report;
+}
+
+/* An autopilot that offers positions slower than 4 Hz, or none, is asked for more. */
+static void ask_for_positions(const struct aircraft_condition *condition, uint8_t vehicle,
+                              int64_t now_us)
+{
+    bool slow = condition->position_rate_hz < POSITION_RATE_MIN_HZ; /* not while still unknown */
+
+    if (!config()->request_rate || !condition->heartbeat_fresh || !slow || now_us < self.ask_us) {
+        return;
+    }
+    pilot_ask_rate(&self.pilot, vehicle, ID_GLOBAL_POSITION_INT, POSITION_INTERVAL_US);
+    if (condition->position_native) {
+        pilot_ask_rate(&self.pilot, vehicle, ID_OPEN_DRONE_ID_LOCATION, POSITION_INTERVAL_US);
+    }
+    if (!condition->time_known) {
+        pilot_ask_rate(&self.pilot, vehicle, ID_SYSTEM_TIME, TICK_US);
+    }
+    self.ask_us = now_us + self.ask_wait_us;
+    self.ask_wait_us *= self.ask_wait_us < ASK_AGAIN_MAX_US ? 2 : 1;
+}
+
+static void keep_takeoff(void)
+{
+    const struct aircraft_takeoff *takeoff = aircraft_takeoff(self.aircraft);
+    int result;
+
+    if (memcmp(takeoff, &self.stored_takeoff, sizeof(*takeoff)) == 0) {
+        return;
+    }
+    self.stored_takeoff = *takeoff;
+    result = takeoff_file_write(config()->run_dir, takeoff);
+    if (result < 0) {
+        log_warning("can't keep the take-off point over a restart: %s/takeoff: %s",
+                    config()->run_dir, strerror(-result));
+    }
+}
+
+static void on_tick(void *context, int64_t now_us)
+{
+    struct health_input input;
+    struct health health;
+    struct aircraft_view view;
+    struct aircraft_condition condition;
+    uint8_t vehicle = telemetry_vehicle(self.telemetry);
+
+    (void)context;
+    if (vehicle != 0) {
+        judge(&input, &health, &view, &condition, now_us);
+        pilot_tell(&self.pilot, vehicle, health_reason(&health));
+        for (enum channel channel = 0; channel < CHANNELS; channel++) {
+            pilot_channel(&self.pilot, vehicle, channel, &self.radios[channel], now_us);
+        }
+        ask_for_positions(&condition, vehicle, now_us);
+        keep_takeoff(); /* not before the first HEARTBEAT: it decides whether the kept one counts */
+    }
+    self.tick_us += TICK_US;
+    if (self.tick_us <= now_us) {
+        self.tick_us = now_us + TICK_US;
+    }
+    loop_arm(&self.tick, self.tick_us);
+}
+
+/* ---- start and end ---- */
+
+static void on_signal(void *context, uint32_t events, int64_t now_us)
+{
+    struct signalfd_siginfo info;
+
+    (void)context;
+    (void)events;
+    (void)now_us;
+    if (read(self.signals.fd, &info, sizeof(info)) == sizeof(info)) {
+        log_info("ending on signal %u", info.ssi_signo);
+        loop_stop();
+    }
+}
+
+static int watch_signals(void)
+{
+    sigset_t set;
+    int fd;
+
+    sigemptyset(&set);
+    sigaddset(&set, SIGTERM);
+    sigaddset(&set, SIGINT);
+    if (sigprocmask(SIG_BLOCK, &set, NULL) < 0) {
+        return -errno;
+    }
+    fd = signalfd(-1, &set, SFD_NONBLOCK | SFD_CLOEXEC);
+    return fd < 0 ? -errno : loop_watch(&self.signals, fd, EPOLLIN, on_signal, NULL);
+}
+
+/* On the appliance a boot script makes it; elsewhere we do, while we may. */
+static void make_run_dir(void)
+{
+    const struct passwd *user = getpwnam(config()->user);
+
+    if (mkdir(config()->run_dir, 0755) == 0 && user != NULL &&
+        chown(config()->run_dir, user->pw_uid, user->pw_gid) == 0) {
+        log_info("made %s", config()->run_dir);
+    }
+}
+
+static void start_modules(int64_t now_us)
+{
+    struct aircraft_takeoff takeoff;
+
+    self.start_us = self.tick_us = self.ask_us = now_us;
+    self.ask_wait_us = ASK_AGAIN_US;
+    self.telemetry = telemetry_init(on_update, NULL);
+    self.aircraft = aircraft_init(config(), now_us);
+    takeoff_file_read(config()->run_dir, &takeoff);
+    self.stored_takeoff = takeoff;
+    aircraft_restore_takeoff(self.aircraft, &takeoff);
+    pilot_init(&self.pilot, send_to_vehicle, NULL);
+    status_start(config()->run_dir, gather, NULL);
+    rfkill_start(now_us);
+    bluetooth_start(config(), &self.radios[CHANNEL_BT4], &self.radios[CHANNEL_BT5], now_us);
+    wifi_beacon_start(config(), &self.radios[CHANNEL_WIFI], now_us);
+    link_start(config(), on_bytes, on_stream_reset, NULL, now_us);
+    loop_timer_init(&self.slot, on_slot, NULL);
+    loop_timer_init(&self.tick, on_tick, NULL);
+    schedule_start(&self.schedule, now_us);
+    loop_arm(&self.slot, now_us);
+    loop_arm(&self.tick, now_us);
+}
+
+static int run(void)
+{
+    int result = loop_init();
+
+    if (result == 0) {
+        result = watch_signals();
+    }
+    if (result < 0) {
+        log_error("can't start the event loop: %s", strerror(-result));
+        return EXIT_FAILURE;
+    }
+    result = sandbox_realtime();
+    self.realtime = result == 0;
+    if (result < 0) {
+        log_warning("no real-time priority (%s): slots may be late under load", strerror(-result));
+    }
+    make_run_dir();
+    if (sandbox_enter(config()->user, self.options.seccomp_log) < 0) {
+        return EXIT_FAILURE;
+    }
+    log_info("odid-daemon %s, process %d", ODID_VERSION, (int)getpid());
+    start_modules(loop_now_us());
+    result = loop_run();
+    if (result < 0) {
+        log_error("the event loop failed: %s", strerror(-result));
+    }
+    bluetooth_stop();
+    return result < 0 ? EXIT_FAILURE : EXIT_SUCCESS;
+}
+
+int main(int argc, char *argv[])
+{
+    if (!options_read(&self.options, argc, argv)) {
+        return 2;
+    }
+    log_set_debug(config()->debug);
+    if (self.options.version) {
+        printf("odid-daemon %s\n", ODID_VERSION);
+        return EXIT_SUCCESS;
+    }
+    if (self.options.check) {
+        return self.options.errors + self.options.warnings > 0 ? EXIT_FAILURE : EXIT_SUCCESS;
+    }
+    return run();
+}

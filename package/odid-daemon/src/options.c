@@ -1,0 +1,105 @@
+#include "options.h"
+
+#include <getopt.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "log.h"
+
+#define DEFAULT_FILE "/etc/odid/odid.conf"
+
+static void report(void *context, enum config_severity severity, const char *sentence)
+{
+    struct options *options = context;
+
+    switch (severity) {
+    case CONFIG_ERROR:
+        options->errors++;
+        log_error("%s", sentence);
+        break;
+    case CONFIG_WARNING:
+        options->warnings++;
+        log_warning("%s", sentence);
+        break;
+    case CONFIG_NOTE:
+        log_info("%s", sentence);
+        return;
+    }
+    if (options->reports < OPTIONS_REPORTS) {
+        snprintf(options->report[options->reports++], CONFIG_PROBLEM_SIZE, "%s", sentence);
+    }
+}
+
+static const char *environment(const char *name)
+{
+    return getenv(name);
+}
+
+bool options_read(struct options *options, int argc, char *const argv[])
+{
+    enum {
+        FLAG_CONFIG = 1,
+        FLAG_NO_WIFI,
+        FLAG_NO_BT,
+        FLAG_DEBUG,
+        FLAG_CHECK,
+        FLAG_LOG,
+        FLAG_VERSION
+    };
+    static const struct option flags[] = {
+        {"config", required_argument, NULL, FLAG_CONFIG},
+        {"no-wifi", no_argument, NULL, FLAG_NO_WIFI},
+        {"no-bt", no_argument, NULL, FLAG_NO_BT},
+        {"debug", no_argument, NULL, FLAG_DEBUG},
+        {"check", no_argument, NULL, FLAG_CHECK},
+        {"seccomp-log", no_argument, NULL, FLAG_LOG},
+        {"version", no_argument, NULL, FLAG_VERSION},
+        {NULL, 0, NULL, 0},
+    };
+    const char *file = DEFAULT_FILE;
+    bool no_wifi = false, no_bt = false, debug = false;
+    int flag;
+
+    memset(options, 0, sizeof(*options));
+    while ((flag = getopt_long_only(argc, argv, "", flags, NULL)) != -1) {
+        switch (flag) {
+        case FLAG_CONFIG:
+            file = optarg;
+            break;
+        case FLAG_NO_WIFI:
+            no_wifi = true;
+            break;
+        case FLAG_NO_BT:
+            no_bt = true;
+            break;
+        case FLAG_DEBUG:
+            debug = true;
+            break;
+        case FLAG_CHECK:
+            options->check = true;
+            break;
+        case FLAG_LOG:
+            options->seccomp_log = true;
+            break;
+        case FLAG_VERSION:
+            options->version = true;
+            return true;
+        default:
+            return false; /* getopt said what is wrong */
+        }
+    }
+    if (optind < argc) {
+        fprintf(stderr, "odid-daemon: \"%s\" is no option; see odid-daemon(8)\n", argv[optind]);
+        return false;
+    }
+    config_defaults(&options->config);
+    config_read_file(&options->config, file, report, options);
+    config_read_environment(&options->config, environment, report, options);
+    options->config.wifi_beacon_enabled = options->config.wifi_beacon_enabled && !no_wifi;
+    options->config.bt4_enabled = options->config.bt4_enabled && !no_bt;
+    options->config.bt5_enabled = options->config.bt5_enabled && !no_bt;
+    options->config.debug = options->config.debug || debug;
+    config_judge(&options->config, report, options);
+    return true;
+}

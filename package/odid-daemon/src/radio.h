@@ -1,0 +1,57 @@
+/*
+ * What every radio channel tells about itself, and the retry it lives by.
+ * Implemented by bluetooth (legacy, extended) and wifi_beacon.
+ */
+#ifndef ODID_RADIO_H
+#define ODID_RADIO_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+enum channel { CHANNEL_BT4, CHANNEL_BT5, CHANNEL_WIFI, CHANNELS };
+
+enum radio_state {
+    RADIO_DISABLED,    /* by configuration */
+    RADIO_UNSUPPORTED, /* this controller can't; said once, not a fault */
+    RADIO_ABSENT,      /* no such device or service yet */
+    RADIO_BLOCKED,     /* rfkill, soft or hard */
+    RADIO_DOWN,        /* there, and not up */
+    RADIO_STARTING,    /* being set up */
+    RADIO_ON_AIR,
+    RADIO_LOST, /* was on air, stopped answering */
+};
+
+#define RADIO_DETAIL_SIZE 112
+
+struct radio {
+    enum radio_state state;
+    int64_t since_us;               /* when this state began */
+    int64_t accepted_us;            /* when the radio last took a payload; INT64_MIN: never */
+    uint64_t payloads;              /* taken by the radio */
+    unsigned starts;                /* times it came on air */
+    unsigned repairs;               /* foreign commands undone */
+    unsigned failures;              /* errors and time-outs */
+    char detail[RADIO_DETAIL_SIZE]; /* the last error, or how it transmits; plain words */
+};
+
+const char *radio_state_name(enum radio_state state); /* "on air", "blocked", ... */
+const char *channel_name(enum channel channel);       /* "bt4", "bt5", "wifi": as in figures */
+const char *channel_title(enum channel channel);      /* "Bluetooth 4", ... */
+
+void radio_init(struct radio *radio, enum radio_state state, int64_t now_us);
+
+/* Enters a state and logs the change once. detail may be NULL: keep the old one. */
+void radio_enter(struct radio *radio, enum channel channel, enum radio_state state,
+                 const char *detail, int64_t now_us);
+
+/* A payload was taken: the channel is on air. */
+void radio_accepted(struct radio *radio, enum channel channel, int64_t now_us);
+
+/* Capped exponential retry: 250 ms, 500 ms, 1 s, then every 2 s. */
+struct retry {
+    unsigned attempt;
+};
+int64_t retry_next(struct retry *retry, int64_t now_us);
+void retry_reset(struct retry *retry);
+
+#endif

@@ -1,0 +1,184 @@
+#include "sandbox.h"
+
+#include <cap-ng.h>
+#include <errno.h>
+#include <linux/capability.h>
+#include <malloc.h>
+#include <pwd.h>
+#include <sched.h>
+#include <seccomp.h>
+#include <stddef.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include "log.h"
+
+#define PRIORITY 20
+/* CPU time without a pause after which the kernel ends us (SIGXCPU): a loop that spins at
+ * real-time priority would starve everything else, and is restarted instead. */
+#define SPIN_MAX_US 500000
+
+int sandbox_realtime(void)
+{
+    struct sched_param parameters = {.sched_priority = PRIORITY};
+    struct rlimit spin = {.rlim_cur = SPIN_MAX_US, .rlim_max = 2 * SPIN_MAX_US};
+    struct rlimit unlimited = {.rlim_cur = RLIM_INFINITY, .rlim_max = RLIM_INFINITY};
+
+    if (setrlimit(RLIMIT_RTTIME, &spin) < 0 || sched_setscheduler(0, SCHED_FIFO, &parameters) < 0) {
+        return -errno;
+    }
+    /* Pages stay in memory once touched; not all at once, that would be megabytes. */
+    if (setrlimit(RLIMIT_MEMLOCK, &unlimited) < 0 ||
+        mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) < 0) {
+        return -errno;
+    }
+    return 0;
+}
+
+/*
+ * What the event loop, the radios and links, the status answer, memory
+ * allocation and an orderly end need. Names that an architecture doesn't have
+ * are skipped by libseccomp.
+ */
+static const int allowed[] = {
+    /* the loop */
+    SCMP_SYS(epoll_wait),
+    SCMP_SYS(epoll_pwait),
+    SCMP_SYS(epoll_ctl),
+    SCMP_SYS(timerfd_settime),
+    SCMP_SYS(clock_gettime),
+    SCMP_SYS(restart_syscall),
+    /* bytes in and out */
+    SCMP_SYS(read),
+    SCMP_SYS(write),
+    SCMP_SYS(writev),
+    SCMP_SYS(recvfrom),
+    SCMP_SYS(recvmsg),
+    SCMP_SYS(sendto),
+    SCMP_SYS(sendmsg),
+    SCMP_SYS(close),
+    /* opening again what went away */
+    SCMP_SYS(openat),
+    SCMP_SYS(open),
+    SCMP_SYS(bind),
+    SCMP_SYS(connect),
+    SCMP_SYS(accept4),
+    SCMP_SYS(getsockopt),
+    SCMP_SYS(setsockopt),
+    SCMP_SYS(getsockname),
+    SCMP_SYS(ioctl),
+    SCMP_SYS(fcntl),
+    SCMP_SYS(fstat),
+    SCMP_SYS(newfstatat),
+    SCMP_SYS(lseek),
+    /* the take-off point and our sockets in the run directory */
+    SCMP_SYS(unlink),
+    SCMP_SYS(unlinkat),
+    SCMP_SYS(rename),
+    SCMP_SYS(renameat),
+    SCMP_SYS(renameat2),
+    /* memory, of the JSON library; never executable */
+    SCMP_SYS(brk),
+    SCMP_SYS(munmap),
+    SCMP_SYS(mremap),
+    SCMP_SYS(madvise),
+    SCMP_SYS(getrandom),
+    /* signals and the end */
+    SCMP_SYS(rt_sigreturn),
+    SCMP_SYS(rt_sigprocmask),
+    SCMP_SYS(getpid),
+    SCMP_SYS(gettid),
+    SCMP_SYS(tgkill),
+    SCMP_SYS(exit),
+    SCMP_SYS(exit_group),
+};
+
+static const int socket_families[] = {AF_UNIX, AF_INET, AF_BLUETOOTH};
+
+static int add_rules(scmp_filter_ctx filter)
+{
+    const uint64_t executable = PROT_EXEC;
+    int result;
+
+    for (size_t i = 0; i < sizeof(allowed) / sizeof(allowed[0]); i++) {
+        result = seccomp_rule_add(filter, SCMP_ACT_ALLOW, allowed[i], 0);
+        if (result < 0 && result != -EDOM) {
+            return result;
+        }
+    }
+    for (size_t i = 0; i < sizeof(socket_families) / sizeof(socket_families[0]); i++) {
+        result = seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(socket), 1,
+                                  SCMP_A0(SCMP_CMP_EQ, (scmp_datum_t)socket_families[i]));
+        if (result < 0) {
+            return result;
+        }
+    }
+    result = seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(mmap), 1,
+                              SCMP_A2(SCMP_CMP_MASKED_EQ, executable, 0));
+    if (result < 0) {
+        return result;
+    }
+    return seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(mprotect), 1,
+                            SCMP_A2(SCMP_CMP_MASKED_EQ, executable, 0));
+}
+
+static int enter_filter(bool log_only)
+{
+    scmp_filter_ctx filter = seccomp_init(log_only ? SCMP_ACT_LOG : SCMP_ACT_KILL_PROCESS);
+    int result;
+
+    if (filter == NULL) {
+        return -ENOMEM;
+    }
+    result = add_rules(filter);
+    if (result == 0) {
+        result = seccomp_load(filter);
+    }
+    seccomp_release(filter);
+    malloc_trim(0); /* what the filter was built in */
+    return result;
+}
+
+/* Keeps the two capabilities over the change of user; the bounding set is emptied as well. */
+static int become(const char *user)
+{
+    const struct passwd *entry = getpwnam(user);
+    int result;
+
+    if (entry == NULL) {
+        return -ENOENT;
+    }
+    capng_clear(CAPNG_SELECT_ALL);
+    if (capng_updatev(CAPNG_ADD, CAPNG_EFFECTIVE | CAPNG_PERMITTED, CAP_NET_RAW, CAP_NET_ADMIN,
+                      -1) < 0) {
+        return -EPERM;
+    }
+    result = capng_change_id((int)entry->pw_uid, (int)entry->pw_gid,
+                             CAPNG_INIT_SUPP_GRP | CAPNG_CLEAR_BOUNDING | CAPNG_CLEAR_AMBIENT);
+    return result < 0 ? -EPERM : 0;
+}
+
+int sandbox_enter(const char *user, bool log_only)
+{
+    int result = become(user);
+
+    if (result < 0) {
+        log_error("can't become user \"%s\" with CAP_NET_RAW and CAP_NET_ADMIN only: %s", user,
+                  strerror(-result));
+        return result;
+    }
+    if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) < 0) {
+        result = -errno;
+        log_error("can't set no_new_privs: %s", strerror(-result));
+        return result;
+    }
+    result = enter_filter(log_only);
+    if (result < 0) {
+        log_error("can't enter the system-call filter: %s", strerror(-result));
+    }
+    return result;
+}

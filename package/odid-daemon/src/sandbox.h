@@ -1,0 +1,25 @@
+/*
+ * Privilege: real-time priority while root, then the daemon's own user with
+ * CAP_NET_RAW and CAP_NET_ADMIN only, no_new_privs, and a list of the system
+ * calls that it needs; any other one ends the process (SIGSYS).
+ */
+#ifndef ODID_SANDBOX_H
+#define ODID_SANDBOX_H
+
+#include <stdbool.h>
+
+/*
+ * SCHED_FIFO (priority 20) with RLIMIT_RTTIME, and memory locked as it is
+ * touched. Returns 0, or -errno when refused: said in status, never fatal.
+ */
+int sandbox_realtime(void);
+
+/*
+ * Becomes user (with its supplementary groups: tty, rfkill's and hostapd's)
+ * and enters the filter. log_only: forbidden calls are logged by the kernel
+ * instead of ending us. Returns 0, or -errno with a log line that says which
+ * step failed.
+ */
+int sandbox_enter(const char *user, bool log_only);
+
+#endif
