@@ -1,0 +1,155 @@
+# The front door. Everything that is built, fetched or measured goes into build/.
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+MAKEFLAGS += --no-builtin-rules
+
+DAEMON := package/odid-daemon
+JOBS := $(shell nproc 2>/dev/null || echo 2)
+
+# Where the two foreign sources are; naming one of these replaces what set-up would fetch.
+ifeq ($(OPENDRONEID_DIR),)
+OPENDRONEID := $(CURDIR)/build/opendroneid
+SETUP += build/opendroneid/stamp
+else
+OPENDRONEID := $(abspath $(OPENDRONEID_DIR))
+endif
+ifeq ($(MAVLINK_DIR),)
+MAVLINK := $(CURDIR)/build/mavlink
+SETUP += build/mavlink/stamp
+else
+MAVLINK := $(abspath $(MAVLINK_DIR))
+endif
+
+# What the demo, the bench and the tests take from the command line. Handed over by env(1), not by
+# `export`: a shell that is bash counts SECONDS up.
+OPTIONS = $(foreach name,FLIGHT SECONDS TEST_DATA LOSS,$(if $($(name)),$(name)='$($(name))'))
+RUN = env $(OPTIONS) PYTHONPATH=tests PYTHONPYCACHEPREFIX=build/pycache \
+	build/venv/bin/python3
+
+CONFIGURE = cmake -S $(DAEMON) -G 'Unix Makefiles' -DODID_WERROR=ON \
+	-DOPENDRONEID_DIR='$(OPENDRONEID)' -DMAVLINK_DIR='$(MAVLINK)'
+
+# cmake is asked every time (it finds new files and changed paths) and is silent unless it fails.
+define cmake-build
+@mkdir -p build/setup
+@$(CONFIGURE) -B build/$(1) $(2) >build/setup/cmake-$(1).log 2>&1 || \
+	{ cat build/setup/cmake-$(1).log; exit 1; }
+@cmake --build build/$(1) -j $(JOBS) -- --no-print-directory -s
+endef
+
+.PHONY: help
+help:
+	@echo 'make demo       a flight on the air, judged by an independent listener (30 s)'
+	@echo 'make demo-host  the same, on this machine without an emulated one'
+	@echo 'make test       every test that fits in minutes, with a summary'
+	@echo 'make test-long  whole flights, long fuzzing, long benchmarks (hours)'
+	@echo 'make bench      measures the daemon beside the field study'\''s figures'
+	@echo 'make daemon     only builds the daemon: build/daemon'
+	@echo 'make check      formatting, shell scripts, man pages, Python'
+	@echo 'make format     formats the C sources'
+	@echo 'make setup      only installs and fetches what the others need'
+	@echo 'make clean      removes build/'
+	@echo
+	@echo 'FLIGHT=<log>    the flight to play (default: the one in TEST_DATA, else a generated one)'
+	@echo 'SECONDS=<n>     how much of it the demo plays'
+	@echo 'TEST_DATA=<dir> where recorded flights and captures are (default: ../shared/data)'
+	@echo 'LOSS=<model>    receptions that the listener drops, for the edge of range'
+	@echo 'OPENDRONEID_DIR=<dir>  MAVLINK_DIR=<dir>  sources of your own instead of fetched ones'
+
+# --- Set-up -----------------------------------------------------------------
+
+.PHONY: setup debian
+setup: build/venv/stamp $(SETUP)
+
+# Asked every time: it costs 20 ms, and a package may have gone since.
+debian:
+	@tests/setup/debian.sh
+
+# The stamps lie in what they stand for, and go with it.
+build/venv/stamp: tests/setup/python.sh tests/setup/requirements.txt | debian
+	@tests/setup/python.sh
+	@touch $@
+
+build/mavlink/stamp: tests/setup/mavlink.sh tests/setup/mavlink.sha256 build/venv/stamp
+	@tests/setup/mavlink.sh
+	@touch $@
+
+build/opendroneid/stamp: tests/setup/opendroneid.sh tests/setup/opendroneid.sha256 \
+		tests/setup/opendroneid/Cargo.toml tests/setup/opendroneid/Cargo.lock | debian
+	@tests/setup/opendroneid.sh
+	@touch $@
+
+# --- Building ---------------------------------------------------------------
+
+.PHONY: daemon unit fuzzers
+daemon: setup
+	$(call cmake-build,daemon,-DCMAKE_BUILD_TYPE=Release)
+
+unit: setup
+	$(call cmake-build,unit,-DCMAKE_BUILD_TYPE=Debug -DODID_TESTS=ON -DODID_SANITIZE=ON)
+
+fuzzers: setup
+	$(call cmake-build,fuzz,-DCMAKE_BUILD_TYPE=Debug -DODID_FUZZ=ON -DCMAKE_C_COMPILER=clang)
+
+# --- Showing and measuring --------------------------------------------------
+
+.PHONY: demo demo-host bench
+demo: demo-host
+
+demo-host: daemon
+	@$(RUN) tests/host/demo.py
+
+bench: daemon
+	@$(RUN) tests/host/bench.py
+
+# --- Testing ----------------------------------------------------------------
+
+# Each level leaves a JUnit file in build/test, and its exit code when that isn't 0; the summary
+# counts them, and fails where a level left none. So a level that fails doesn't keep the next one
+# from running.
+left = echo $$? >build/test/$(1).exit
+
+.PHONY: test test-long
+test: FUZZ_SECONDS = 20
+test: LEVELS = check unit fuzz host
+test:
+	@rm -rf build/test && mkdir -p build/test && date +%s >build/test/started
+	@$(MAKE) --no-print-directory daemon unit fuzzers
+	$(test-levels)
+	@$(RUN) tests/summary.py build/test $(LEVELS)
+
+# FUZZ_SECONDS= makes it longer yet.
+test-long: FUZZ_SECONDS = 600
+test-long: LEVELS = check unit fuzz host bench
+test-long: export TEST_LONG = 1
+test-long:
+	@rm -rf build/test && mkdir -p build/test && date +%s >build/test/started
+	@$(MAKE) --no-print-directory daemon unit fuzzers
+	$(test-levels)
+	@$(RUN) tests/levels/command.py build/test/bench.xml \
+		$(RUN) tests/host/bench.py --long || $(call left,bench)
+	@$(RUN) tests/summary.py build/test $(LEVELS)
+
+define test-levels
+@$(RUN) tests/levels/check.py --junit build/test/check.xml || $(call left,check)
+@UBSAN_OPTIONS=print_stacktrace=1 ctest --test-dir build/unit -j $(JOBS) \
+	--no-tests=error --output-on-failure \
+	--test-output-size-passed 1000000 --test-output-size-failed 1000000 \
+	--output-junit $(CURDIR)/build/test/unit.xml || $(call left,unit)
+@$(RUN) tests/levels/fuzz.py --seconds $(FUZZ_SECONDS) --jobs $(JOBS) \
+	--junit build/test/fuzz.xml || $(call left,fuzz)
+@$(RUN) -m pytest tests -o cache_dir=build/pytest -ra --continue-on-collection-errors \
+	--junit-xml=build/test/host.xml || $(call left,host)
+endef
+
+.PHONY: check format
+check: build/venv/stamp
+	@$(RUN) tests/levels/check.py
+
+format: debian
+	@clang-format -i $(wildcard $(DAEMON)/src/*.[ch] $(DAEMON)/tests/*.[ch] $(DAEMON)/fuzz/*.[ch])
+
+.PHONY: clean
+clean:
+	rm -rf build

@@ -1,0 +1,223 @@
+/* Privilege: read from /proc as the kernel sees it, and tried. Needs root. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <fcntl.h>
+#include <linux/capability.h>
+#include <pwd.h>
+#include <signal.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/socket.h>
+#include <sys/syscall.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "sandbox.h"
+
+#define USER "nobody"
+
+/* Not _exit, and not marked as never returning: either makes the sanitizer ask the kernel for more
+ * than the filter allows. */
+static void leave(int code)
+{
+    syscall(SYS_exit_group, code);
+}
+
+static void need_root(void)
+{
+    if (geteuid() != 0) {
+        print_message("skipped: needs root to change the user\n");
+        skip();
+    }
+}
+
+/* Runs what in a sandboxed child; returns its wait status. */
+static int sandboxed(void (*what)(void), bool log_only)
+{
+    int status;
+    pid_t child = fork();
+
+    assert_true(child >= 0);
+    if (child == 0) {
+        if (sandbox_enter(USER, log_only) < 0) {
+            leave(99);
+        }
+        what();
+        leave(0);
+    }
+    assert_int_equal(waitpid(child, &status, 0), child);
+    return status;
+}
+
+static void assert_killed_by_filter(int status)
+{
+    assert_true(WIFSIGNALED(status));
+    assert_int_equal(WTERMSIG(status), SIGSYS);
+}
+
+static void assert_ended_well(int status)
+{
+    assert_true(WIFEXITED(status));
+    assert_int_equal(WEXITSTATUS(status), 0);
+}
+
+static void make_a_directory(void)
+{
+    syscall(SYS_mkdirat, -100, "/tmp/odid-forbidden", 0700);
+}
+
+static void run_a_program(void)
+{
+    execl("/bin/true", "true", (char *)NULL);
+}
+
+static void trace_a_process(void)
+{
+    syscall(SYS_ptrace, 0, 0, 0, 0);
+}
+
+static void map_executable_memory(void)
+{
+    syscall(SYS_mmap, NULL, 4096, PROT_READ | PROT_EXEC, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+}
+
+static void open_a_packet_socket(void)
+{
+    syscall(SYS_socket, AF_PACKET, SOCK_RAW, 0);
+}
+
+/* (What it does with memory, the host tests show: here the sanitizer's allocator stands in.) */
+static void do_what_the_daemon_does(void)
+{
+    int fd = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+    int other = open("/proc/self/status", O_RDONLY | O_CLOEXEC);
+
+    if (fd < 0 || other < 0 || close(fd) < 0 || close(other) < 0) {
+        leave(1);
+    }
+}
+
+static void a_forbidden_system_call_ends_the_process(void **state)
+{
+    (void)state;
+    need_root();
+    assert_killed_by_filter(sandboxed(make_a_directory, false));
+    assert_killed_by_filter(sandboxed(run_a_program, false));
+    assert_killed_by_filter(sandboxed(trace_a_process, false));
+}
+
+static void executable_memory_and_foreign_sockets_end_it_too(void **state)
+{
+    (void)state;
+    need_root();
+    assert_killed_by_filter(sandboxed(map_executable_memory, false));
+    assert_killed_by_filter(sandboxed(open_a_packet_socket, false));
+}
+
+static void what_the_daemon_does_is_allowed(void **state)
+{
+    (void)state;
+    need_root();
+    assert_ended_well(sandboxed(do_what_the_daemon_does, false));
+}
+
+static void in_log_mode_nothing_ends(void **state)
+{
+    (void)state;
+    need_root();
+    assert_ended_well(sandboxed(trace_a_process, true));
+}
+
+/* The value of a line of /proc/<pid>/status, "" when it has none. */
+static void status_line(pid_t pid, const char *name, char value[64])
+{
+    char path[32], line[256];
+    FILE *file;
+
+    snprintf(path, sizeof(path), "/proc/%d/status", (int)pid);
+    file = fopen(path, "r");
+    assert_non_null(file);
+    value[0] = '\0';
+    while (fgets(line, sizeof(line), file) != NULL) {
+        size_t length = strlen(name);
+
+        if (strncmp(line, name, length) == 0 && line[length] == ':') {
+            sscanf(line + length + 1, " %63[^\t\n]", value);
+        }
+    }
+    fclose(file);
+}
+
+static void assert_line(pid_t pid, const char *name, const char *expected)
+{
+    char value[64];
+
+    status_line(pid, name, value);
+    assert_string_equal(value, expected);
+}
+
+static void proc_shows_user_capabilities_no_new_privs_and_filter(void **state)
+{
+    char uid[16], capabilities[32], byte;
+    int ready[2], finish[2];
+    pid_t child;
+
+    (void)state;
+    need_root();
+    assert_int_equal(pipe(ready), 0);
+    assert_int_equal(pipe(finish), 0);
+    child = fork();
+    assert_true(child >= 0);
+    if (child == 0) {
+        close(finish[1]);
+        if (sandbox_enter(USER, false) == 0 && write(ready[1], "r", 1) == 1 &&
+            read(finish[0], &byte, 1) == 0) {
+            leave(0);
+        }
+        leave(1);
+    }
+    close(ready[1]);
+    assert_int_equal(read(ready[0], &byte, 1), 1);
+    snprintf(uid, sizeof(uid), "%u", getpwnam(USER)->pw_uid);
+    snprintf(capabilities, sizeof(capabilities), "%016llx",
+             1ULL << CAP_NET_ADMIN | 1ULL << CAP_NET_RAW);
+    assert_line(child, "Uid", uid);
+    assert_line(child, "CapEff", capabilities);
+    assert_line(child, "CapPrm", capabilities);
+    assert_line(child, "CapInh", "0000000000000000");
+    assert_line(child, "CapBnd", "0000000000000000");
+    assert_line(child, "CapAmb", "0000000000000000");
+    assert_line(child, "NoNewPrivs", "1");
+    assert_line(child, "Seccomp", "2");
+    close(finish[1]);
+    waitpid(child, NULL, 0);
+}
+
+static void an_unknown_user_is_an_error(void **state)
+{
+    (void)state;
+    need_root();
+    assert_true(sandbox_enter("no-such-user-here", false) < 0);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_forbidden_system_call_ends_the_process),
+        cmocka_unit_test(executable_memory_and_foreign_sockets_end_it_too),
+        cmocka_unit_test(what_the_daemon_does_is_allowed),
+        cmocka_unit_test(in_log_mode_nothing_ends),
+        cmocka_unit_test(proc_shows_user_capabilities_no_new_privs_and_filter),
+        cmocka_unit_test(an_unknown_user_is_an_error),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

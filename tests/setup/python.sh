@@ -1,0 +1,23 @@
+#!/bin/sh
+# Makes build/venv with exactly what requirements.txt pins, hashes checked, wheels only.
+# PYTHON= names another Python 3.11 than Debian's.
+set -eu
+here=$(dirname "$0")
+venv=build/venv
+python=${PYTHON:-/usr/bin/python3}
+
+# The pinned wheels are for one Python.
+if ! "$python" -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))'; then
+    echo "set-up: $python is not Python 3.11 (Debian 12's); name one with PYTHON=" >&2
+    exit 1
+fi
+
+echo "set-up: Python packages into $venv"
+rm -rf "$venv"
+"$python" -m venv "$venv"
+# Compiled when first imported: MAVLink's modules alone are many megabytes, of which we use one.
+if ! "$venv/bin/python3" -m pip install --quiet --disable-pip-version-check --no-compile \
+    --only-binary :all: --require-hashes -r "$here/requirements.txt"; then
+    echo "set-up: pip could not install what $here/requirements.txt pins" >&2
+    exit 1
+fi
