@@ -7,12 +7,18 @@
 
 #include "aircraft_state.h"
 
+/* A native timestamp that is earlier by less was overtaken on the way; by more, the clock was set.
+ */
+#define OVERTAKEN_S 3.0
 /* A take-off point is frozen from the first fix within this time after the arming edge. */
 #define TAKEOFF_WAIT_US AIRCRAFT_FRESH_US
 /* GPS time is ahead of UTC by the leap seconds: 18 s since 2017; one more or less may come. */
 #define LEAP_MIN_S 16.0
 #define LEAP_MAX_S 19.5
 #define LEAP_SEEN 3
+/* A timestamp that is UTC lies between these from now: it comes late, and clocks differ. */
+#define UTC_MIN_S -3.0
+#define UTC_MAX_S 1.0
 
 struct aircraft *aircraft_init(const struct config *config, int64_t start_us)
 {
@@ -55,24 +61,25 @@ static void freeze_takeoff(struct aircraft *aircraft, int64_t now_us)
     aircraft->takeoff.latitude_deg = fix->latitude_deg;
     aircraft->takeoff.longitude_deg = fix->longitude_deg;
     aircraft->takeoff.altitude_geodetic_m = aircraft_geodetic_m(aircraft, fix);
-    aircraft->takeoff.altitude_msl_m = fix->altitude_msl_m;
+    /* Not in a native message; plain telemetry's serves when that goes stale in flight. */
+    aircraft->takeoff.altitude_msl_m = aircraft_fresh(aircraft->telemetry.fix_us, now_us)
+                                           ? aircraft->telemetry.altitude_msl_m
+                                           : NAN;
     aircraft->takeoff_is_home = false;
     aircraft->takeoff_pending = false;
 }
 
 /*
- * Armed before our time, and nothing kept from then: the autopilot's home,
+ * Armed before our time, or unheard, and nothing kept from then: its home,
  * which it sets at arming, stands in. (It can be moved in flight: so not when
  * we saw the arming ourselves.)
  */
 static void take_home(struct aircraft *aircraft, const struct telemetry_update *update)
 {
-    if (!aircraft->armed_before_start || isnan(update->home.latitude_deg) ||
-        (aircraft->takeoff.known && !aircraft->takeoff_is_home)) {
+    /* The first one: later ones may have been moved, and after landing it follows the aircraft. */
+    if (!aircraft->armed || !aircraft->arming_unseen || aircraft->takeoff.known ||
+        isnan(update->home.latitude_deg)) {
         return;
-    }
-    if (aircraft->takeoff.known) {
-        return; /* the first one: later ones may have been moved */
     }
     aircraft->takeoff.known = true;
     aircraft->takeoff.latitude_deg = update->home.latitude_deg;
@@ -116,13 +123,14 @@ static void take_heartbeat(struct aircraft *aircraft, const struct telemetry_upd
     }
     first = aircraft->heartbeat_us == INT64_MIN;
     if (first && armed) {
-        aircraft->armed_before_start = true;
+        aircraft->arming_unseen = true;
         aircraft->takeoff = aircraft->kept_takeoff;
     } else if (armed && !aircraft->armed) {
+        /* After a silence it may be in the air long since: this is not where it took off. */
+        aircraft->arming_unseen = !aircraft_fresh(aircraft->heartbeat_us, now_us);
         memset(&aircraft->takeoff, 0, sizeof(aircraft->takeoff));
         aircraft->takeoff_is_home = false;
-        aircraft->armed_before_start = false;
-        aircraft->takeoff_pending = true;
+        aircraft->takeoff_pending = !aircraft->arming_unseen;
         aircraft->armed_us = now_us;
     }
     aircraft->armed = armed;
@@ -176,14 +184,15 @@ static void take_global_position(struct aircraft *aircraft, const struct telemet
     bool no_fix = aircraft->gps_us != INT64_MIN && aircraft->gps_fix_type < GPS_FIX_TYPE_2D_FIX;
     int64_t stamped_us =
         autopilot_clock_boot(&aircraft->clock, update->global_position.boot_ms, now_us, &restarted);
+    int64_t boot_us = stamped_us - aircraft->clock.offset_us;
 
     moved = fix->fix_us == INT64_MIN || aircraft->position_boot != aircraft->clock.restarts ||
-            (int32_t)(update->global_position.boot_ms - aircraft->position_boot_ms) > 0;
+            boot_us > aircraft->position_boot_us;
     if (!moved || no_fix || isnan(update->global_position.latitude_deg)) {
         return;
     }
     aircraft->position_boot = aircraft->clock.restarts;
-    aircraft->position_boot_ms = update->global_position.boot_ms;
+    aircraft->position_boot_us = boot_us;
     fix->fix_us = stamped_us;
     fix->latitude_deg = update->global_position.latitude_deg;
     fix->longitude_deg = update->global_position.longitude_deg;
@@ -233,20 +242,20 @@ static bool native_instant(struct aircraft *aircraft, double timestamp_s, int64_
         if (++aircraft->leap_seen >= LEAP_SEEN) {
             aircraft->leap_s = ceil(aircraft->leap_ahead_s - 0.1);
         }
-        ahead_s -= aircraft->leap_s;
-    } else {
+    } else if (ahead_s > UTC_MIN_S && ahead_s <= UTC_MAX_S) {
         aircraft->leap_seen = 0;
         aircraft->leap_ahead_s = 0;
         aircraft->leap_s = 0;
     }
-    if (ahead_s > 1.0) {
+    ahead_s -= aircraft->leap_s; /* a message that comes very late has its sender's habit, too */
+    if (ahead_s > UTC_MAX_S) {
         return false; /* from the future: not UTC */
     }
     *instant_us = now_us + (int64_t)(fmin(ahead_s, 0) * 1e6);
     return true;
 }
 
-/* Did the source's own timestamp move, or, where it has none, anything else? */
+/* Did the source's own timestamp move on, or, where it has none, anything else? */
 static bool native_moved(const struct aircraft *aircraft, const struct telemetry_update *update)
 {
     const struct aircraft_native_location *last = &aircraft->native_location;
@@ -254,9 +263,13 @@ static bool native_moved(const struct aircraft *aircraft, const struct telemetry
     if (aircraft->native.fix_us == INT64_MIN) {
         return true;
     }
+    if (!isnan(update->location.timestamp_s) && !isnan(last->timestamp_s)) {
+        double ahead_s = hour_difference_s(update->location.timestamp_s, last->timestamp_s);
+
+        return ahead_s > 1e-3 || ahead_s < -OVERTAKEN_S;
+    }
     if (!isnan(update->location.timestamp_s) || !isnan(last->timestamp_s)) {
-        return isnan(update->location.timestamp_s) || isnan(last->timestamp_s) ||
-               fabs(update->location.timestamp_s - last->timestamp_s) > 1e-3;
+        return true;
     }
     return memcmp(&update->location, &last->received.location, sizeof(update->location)) != 0;
 }
@@ -310,32 +323,43 @@ static void take_basic_id(struct aircraft *aircraft, const struct telemetry_upda
     memcpy(&aircraft->native_basic_id[slot], &update->basic_id, sizeof(update->basic_id));
 }
 
+static bool same_page(const struct aircraft_auth_page *a, const struct aircraft_auth_page *b)
+{
+    bool same = a->type == b->type && memcmp(a->data, b->data, sizeof(a->data)) == 0;
+
+    if (a->page == 0) { /* the other fields are page 0's */
+        same = same && a->last_page == b->last_page && a->length == b->length &&
+               a->timestamp_2019_s == b->timestamp_2019_s;
+    }
+    return same;
+}
+
 /*
- * A new page 0 begins another Authentication message, whose pages count only
- * when all of them have come.
+ * A new page 0, or another page that changed, begins another Authentication
+ * message, whose pages count only when all of them have come.
  */
 static void take_authentication(struct aircraft *aircraft, const struct telemetry_update *update)
 {
-    unsigned page = update->authentication.page;
-    struct aircraft_auth_page *stored;
+    struct aircraft_auth_page page = {
+        .type = update->authentication.type,
+        .page = update->authentication.page,
+        .last_page = update->authentication.last_page,
+        .length = update->authentication.length,
+        .timestamp_2019_s = update->authentication.timestamp_2019_s,
+    };
+    bool have, same;
 
-    if (page >= TELEMETRY_AUTH_PAGES) {
+    if (page.page >= TELEMETRY_AUTH_PAGES || page.last_page >= TELEMETRY_AUTH_PAGES) {
         return;
     }
-    stored = &aircraft->auth[page];
-    if (page == 0 && (stored->type != update->authentication.type ||
-                      stored->last_page != update->authentication.last_page ||
-                      stored->timestamp_2019_s != update->authentication.timestamp_2019_s ||
-                      memcmp(stored->data, update->authentication.data, sizeof(stored->data)))) {
+    memcpy(page.data, update->authentication.data, sizeof(page.data));
+    have = aircraft->auth_received >> page.page & 1;
+    same = have && same_page(&page, &aircraft->auth[page.page]);
+    if (!same && (have || page.page == 0)) {
         aircraft->auth_received = 0;
     }
-    stored->type = update->authentication.type;
-    stored->page = update->authentication.page;
-    stored->last_page = update->authentication.last_page;
-    stored->length = update->authentication.length;
-    stored->timestamp_2019_s = update->authentication.timestamp_2019_s;
-    memcpy(stored->data, update->authentication.data, sizeof(stored->data));
-    aircraft->auth_received |= 1U << page;
+    aircraft->auth[page.page] = page;
+    aircraft->auth_received |= 1U << page.page;
 }
 
 static void take_system(struct aircraft *aircraft, const struct telemetry_update *update,

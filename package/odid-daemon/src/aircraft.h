@@ -63,7 +63,7 @@ struct aircraft_location {
 
 struct aircraft_basic_id {
     uint8_t id_type, ua_type;
-    char uas_id[21];
+    char uas_id[21]; /* types 3 and 4 may hold zeros: all 20 bytes count */
     enum source source;
 };
 

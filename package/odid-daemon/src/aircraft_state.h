@@ -36,8 +36,8 @@ struct aircraft_native_system {
 };
 
 struct aircraft_native_id {
-    uint8_t id_type, ua_type;
-    char uas_id[21]; /* empty: never came */
+    uint8_t id_type, ua_type; /* id_type 0: never came */
+    char uas_id[21];
 };
 
 struct aircraft {
@@ -47,7 +47,8 @@ struct aircraft {
 
     int64_t heartbeat_us; /* INT64_MIN: never; likewise below */
     uint8_t mav_type, autopilot, system_status;
-    bool armed, armed_before_start;
+    bool armed;
+    bool arming_unseen; /* before our time, or while nothing was heard */
     int64_t armed_us;
     int64_t landed_us;
     uint8_t landed_state;
@@ -56,8 +57,8 @@ struct aircraft {
     struct aircraft_takeoff takeoff, kept_takeoff;
 
     struct aircraft_fix telemetry;
-    uint32_t position_boot_ms; /* its own timestamp, ... */
-    unsigned position_boot;    /* ... since which start of the autopilot */
+    int64_t position_boot_us; /* its own timestamp, not wrapped, ... */
+    unsigned position_boot;   /* ... since which start of the autopilot */
     int64_t gps_us;
     uint8_t gps_fix_type;
     double separation_m; /* ellipsoid height minus height above mean sea level; NAN unknown */

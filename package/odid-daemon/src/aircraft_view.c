@@ -256,7 +256,7 @@ static uint8_t configured_ua_type(const struct aircraft *aircraft, int configure
         }
     }
     for (unsigned i = 0; i < 2; i++) {
-        if (aircraft->native_basic_id[i].uas_id[0] != '\0') {
+        if (aircraft->native_basic_id[i].id_type != ODID_IDTYPE_NONE) {
             return aircraft->native_basic_id[i].ua_type;
         }
     }
@@ -285,13 +285,13 @@ static void view_basic_ids(const struct aircraft *aircraft, struct aircraft_view
             out->id_type = configured->id_type;
             out->ua_type = configured_ua_type(aircraft, configured->ua_type);
             out->source = SOURCE_CONFIGURATION;
-            memcpy(out->uas_id, configured->uas_id, sizeof(out->uas_id));
+            memcpy(out->uas_id, configured->uas_id, strlen(configured->uas_id));
         }
     }
     for (unsigned i = 0; i < 2 && view->basic_ids < 2; i++) {
         const struct aircraft_native_id *native = &aircraft->native_basic_id[i];
 
-        if (native->uas_id[0] != '\0' && !has_id_type(view, native->id_type)) {
+        if (native->id_type != ODID_IDTYPE_NONE && !has_id_type(view, native->id_type)) {
             out = &view->basic_id[view->basic_ids++];
             out->id_type = native->id_type;
             out->ua_type = native->ua_type;
@@ -366,9 +366,10 @@ static void view_operator(const struct aircraft *aircraft, int64_t now_us,
         out->operator_location_type = ODID_OPERATOR_LOCATION_TYPE_TAKEOFF;
         out->operator_latitude_deg = aircraft->takeoff.latitude_deg;
         out->operator_longitude_deg = aircraft->takeoff.longitude_deg;
-        out->operator_altitude_m = aircraft->takeoff_is_home
-                                       ? aircraft->takeoff.altitude_msl_m + aircraft->separation_m
-                                       : aircraft->takeoff.altitude_geodetic_m;
+        out->operator_altitude_m = aircraft->takeoff.altitude_geodetic_m;
+        if (isnan(out->operator_altitude_m)) { /* home, or the separation came later */
+            out->operator_altitude_m = aircraft->takeoff.altitude_msl_m + aircraft->separation_m;
+        }
     } else if (!isnan(config->operator_latitude_deg)) {
         out->operator_source = SOURCE_CONFIGURATION;
         out->operator_location_type = ODID_OPERATOR_LOCATION_TYPE_FIXED;
@@ -415,7 +416,7 @@ static bool basic_id_conflict(const struct aircraft *aircraft)
         for (unsigned j = 0; j < 2; j++) {
             const struct aircraft_native_id *native = &aircraft->native_basic_id[j];
 
-            if (own->uas_id[0] != '\0' && native->uas_id[0] != '\0' &&
+            if (own->uas_id[0] != '\0' && native->id_type != ODID_IDTYPE_NONE &&
                 own->id_type == native->id_type && strcmp(own->uas_id, native->uas_id) != 0) {
                 return true;
             }

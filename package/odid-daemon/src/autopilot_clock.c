@@ -2,8 +2,9 @@
 
 #include <stdlib.h>
 
-/* Two crystals differ by less; what the kept offset may lag when the autopilot's is the slower. */
-#define DRIFT_PER_MILLION 200
+/* Two crystals differ by less than 1 in this many: what the kept offset may lag when the
+ * autopilot's is the slower. */
+#define DRIFT_ONE_IN 5000
 #define RESTART_MS 1000
 #define STEP_US 1000000
 #define BELIEVED 3 /* times in a row */
@@ -48,23 +49,27 @@ static int64_t unwrap(struct autopilot_clock *clock, uint32_t boot_ms)
 /*
  * Boot time that went back is a restart when the autopilot can have started
  * since it was heard last, or when it stays so. A message that merely took a
- * slow way is neither.
+ * slow way is neither. Soon after the first start, boot time can be ahead of
+ * what was heard last, and yet be another one: then it seems to come late.
  */
 static bool has_restarted(struct autopilot_clock *clock, uint32_t boot_ms, int64_t now_us)
 {
     int64_t unheard_us = now_us - clock->offset_at_us;
+    int32_t ahead_ms = (int32_t)(boot_ms - clock->last_boot_ms);
+    int64_t late_us = now_us - clock->offset_us - clock->last_boot_us - (int64_t)ahead_ms * 1000;
+    bool possible = (int64_t)boot_ms * 1000 <= unheard_us + STEP_US;
 
-    if ((int32_t)(boot_ms - clock->last_boot_ms) >= -RESTART_MS) {
+    if (ahead_ms >= -RESTART_MS) {
         clock->backward_seen = 0;
-        return false;
+        return possible && ahead_ms != 0 && late_us > STEP_US;
     }
-    return ++clock->backward_seen >= BELIEVED || (int64_t)boot_ms * 1000 <= unheard_us + STEP_US;
+    return ++clock->backward_seen >= BELIEVED || possible;
 }
 
 int64_t autopilot_clock_boot(struct autopilot_clock *clock, uint32_t boot_ms, int64_t now_us,
                              bool *restarted)
 {
-    int64_t boot_us;
+    int64_t boot_us, drift_us;
 
     *restarted = clock->boot_known && has_restarted(clock, boot_ms, now_us);
     if (*restarted) {
@@ -78,9 +83,9 @@ int64_t autopilot_clock_boot(struct autopilot_clock *clock, uint32_t boot_ms, in
 
     /* Messages come late, never early: the smallest offset is the truest, but
      * for the crystals' drift since it was measured. */
-    clock->offset_us += (now_us - clock->offset_at_us) / 1000000 * DRIFT_PER_MILLION +
-                        (now_us - clock->offset_at_us) % 1000000 * DRIFT_PER_MILLION / 1000000;
-    clock->offset_at_us = now_us;
+    drift_us = (now_us - clock->offset_at_us) / DRIFT_ONE_IN;
+    clock->offset_us += drift_us;
+    clock->offset_at_us += drift_us * DRIFT_ONE_IN; /* the rest counts the next time */
     if (now_us - boot_us < clock->offset_us) {
         clock->offset_us = now_us - boot_us;
     }

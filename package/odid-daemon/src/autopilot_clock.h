@@ -29,7 +29,8 @@ struct autopilot_clock {
 /*
  * Takes the boot time of a message that came now. Returns the instant on our
  * clock at which the autopilot stamped it (never after now). restarted: its
- * boot time went back by more than a second, and not for a delay on the way.
+ * boot time is not that of the start that was heard before, and not for a
+ * delay on the way.
  */
 int64_t autopilot_clock_boot(struct autopilot_clock *clock, uint32_t boot_ms, int64_t now_us,
                              bool *restarted);

@@ -168,10 +168,11 @@ static void on_udp(void *context, uint32_t events, int64_t now_us)
         if (length < 0 && errno == ECONNREFUSED) {
             continue; /* an answer of ours reached nobody; not about the socket */
         }
+        if (length < 0 && (errno == EAGAIN || errno == EINTR)) {
+            break;
+        }
         if (length < 0) {
-            if (errno != EAGAIN && errno != EINTR) {
-                lose("receive", errno, now_us);
-            }
+            lose("receive", errno, now_us);
             return;
         }
         heard((size_t)length, now_us);

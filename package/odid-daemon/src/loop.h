@@ -19,7 +19,6 @@ struct loop_watch {
     int fd; /* -1: not watched */
     loop_watch_fn *call;
     void *context;
-    struct loop_watch *next_dead; /* loop.c's own */
 };
 
 /* A deadline. Lives in its owner. */

@@ -77,7 +77,7 @@ static bool encode_basic_id(const struct aircraft_view *view, unsigned index, ui
     data.IDType =
         (ODID_idtype_t)enumerated(view->basic_id[index].id_type, ODID_IDTYPE_SPECIFIC_SESSION_ID);
     data.UAType = (ODID_uatype_t)enumerated(view->basic_id[index].ua_type, ODID_UATYPE_OTHER);
-    text(data.UASID, view->basic_id[index].uas_id, ODID_ID_SIZE);
+    memcpy(data.UASID, view->basic_id[index].uas_id, ODID_ID_SIZE); /* text or binary, NUL-padded */
     return encodeBasicIDMessage((ODID_BasicID_encoded *)(void *)message, &data) == ODID_SUCCESS;
 }
 
@@ -87,7 +87,8 @@ static bool encode_location(const struct aircraft_view *view, uint8_t *message)
     ODID_Location_data data;
 
     odid_initLocationData(&data);
-    data.Status = (ODID_status_t)in->status;
+    data.Status =
+        (ODID_status_t)enumerated((uint8_t)in->status, ODID_STATUS_REMOTE_ID_SYSTEM_FAILURE);
     data.Direction = direction(in->direction_deg);
     data.SpeedHorizontal = known_or(in->speed_mps, 0, (double)MAX_SPEED_H, INV_SPEED_H);
     data.SpeedVertical = known_or(in->vertical_speed_mps, MIN_SPEED_V, MAX_SPEED_V, INV_SPEED_V);

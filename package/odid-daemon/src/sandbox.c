@@ -22,18 +22,29 @@
  * real-time priority would starve everything else, and is restarted instead. */
 #define SPIN_MAX_US 500000
 
+/* Pages stay in memory once touched; not all at once, that would be megabytes. */
+static void lock_memory(void)
+{
+    struct rlimit unlimited = {.rlim_cur = RLIM_INFINITY, .rlim_max = RLIM_INFINITY};
+    int flags = MCL_CURRENT | MCL_ONFAULT;
+
+    /* What is mapped later counts against the limit: without a higher one it would fail. */
+    if (setrlimit(RLIMIT_MEMLOCK, &unlimited) == 0) {
+        flags |= MCL_FUTURE;
+    }
+    if (mlockall(flags) < 0) {
+        log_warning("can't lock memory (%s): slots may be late when memory is short",
+                    strerror(errno));
+    }
+}
+
 int sandbox_realtime(void)
 {
     struct sched_param parameters = {.sched_priority = PRIORITY};
     struct rlimit spin = {.rlim_cur = SPIN_MAX_US, .rlim_max = 2 * SPIN_MAX_US};
-    struct rlimit unlimited = {.rlim_cur = RLIM_INFINITY, .rlim_max = RLIM_INFINITY};
 
+    lock_memory();
     if (setrlimit(RLIMIT_RTTIME, &spin) < 0 || sched_setscheduler(0, SCHED_FIFO, &parameters) < 0) {
-        return -errno;
-    }
-    /* Pages stay in memory once touched; not all at once, that would be megabytes. */
-    if (setrlimit(RLIMIT_MEMLOCK, &unlimited) < 0 ||
-        mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) < 0) {
         return -errno;
     }
     return 0;

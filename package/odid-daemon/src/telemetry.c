@@ -4,14 +4,18 @@
 #include <math.h>
 #include <string.h>
 
+#include "aircraft.h"
 #include "telemetry_odid.h"
 
 /* A vehicle that was silent for this long may be another one: a changed SYSID, another aircraft. */
 #define VEHICLE_FORGOTTEN_US 10000000
 
 struct stream {
-    mavlink_message_t message; /* as far as received */
+    mavlink_message_t message; /* as far as parsed */
     mavlink_status_t status;
+    uint8_t held[MAVLINK_MAX_PACKET_LEN + 1]; /* since the start byte that is being tried */
+    size_t length, parsed;
+    bool failed; /* what was parsed is no frame that can be read */
 };
 
 struct telemetry {
@@ -42,11 +46,13 @@ static double degrees(int32_t deg_e7)
     return deg_e7 * 1e-7;
 }
 
-/* 0,0 means unknown, for both. */
+/* 0,0 means unknown, for both; so does what is nowhere on Earth. */
 static void place(int32_t latitude_e7, int32_t longitude_e7, double *latitude_deg,
                   double *longitude_deg)
 {
-    bool known = latitude_e7 != 0 || longitude_e7 != 0;
+    bool known = (latitude_e7 != 0 || longitude_e7 != 0) && latitude_e7 >= -900000000 &&
+                 latitude_e7 <= 900000000 && longitude_e7 >= -1800000000 &&
+                 longitude_e7 <= 1800000000;
 
     *latitude_deg = known ? degrees(latitude_e7) : NAN;
     *longitude_deg = known ? degrees(longitude_e7) : NAN;
@@ -95,14 +101,22 @@ static void read_home(const mavlink_message_t *message, struct telemetry_update 
     update->home.altitude_msl_m = home.altitude / 1000.0;
 }
 
+static void read_system_time(const mavlink_message_t *message, struct telemetry_update *update)
+{
+    mavlink_system_time_t time;
+
+    mavlink_msg_system_time_decode(message, &time); /* MAVLink's own getter reads misaligned */
+    update->system_time.unix_us = time.time_unix_usec;
+    update->system_time.boot_ms = time.time_boot_ms;
+}
+
 /* Plain telemetry, from the vehicle's autopilot only. Returns false when the id is of no use. */
 static bool read_plain(const mavlink_message_t *message, struct telemetry_update *update)
 {
     switch (message->msgid) {
     case MAVLINK_MSG_ID_SYSTEM_TIME:
         update->kind = TELEMETRY_SYSTEM_TIME;
-        update->system_time.unix_us = mavlink_msg_system_time_get_time_unix_usec(message);
-        update->system_time.boot_ms = mavlink_msg_system_time_get_time_boot_ms(message);
+        read_system_time(message, update);
         return true;
     case MAVLINK_MSG_ID_GPS_RAW_INT:
         update->kind = TELEMETRY_GPS_RAW;
@@ -186,8 +200,10 @@ static void take_heartbeat(struct telemetry *telemetry, const mavlink_message_t 
     if (heartbeat.type == MAV_TYPE_GCS) {
         telemetry->ground_stations[message->sysid / 8] |= (uint8_t)(1 << (message->sysid % 8));
     }
+    /* An antenna tracker has an autopilot, too, and is no vehicle. */
     is_autopilot = message->compid == MAV_COMP_ID_AUTOPILOT1 && message->sysid != 0 &&
-                   heartbeat.autopilot != MAV_AUTOPILOT_INVALID;
+                   heartbeat.autopilot != MAV_AUTOPILOT_INVALID &&
+                   aircraft_ua_type(heartbeat.type) >= 0;
     if (!is_autopilot) {
         telemetry->counters.not_needed++;
         return;
@@ -209,6 +225,13 @@ static void take_heartbeat(struct telemetry *telemetry, const mavlink_message_t 
     telemetry->deliver(telemetry->context, &update, now_us);
 }
 
+/* System id 0 is nobody's, and no vehicle is known as 0. */
+static bool from_autopilot(const struct telemetry *telemetry, const mavlink_message_t *message)
+{
+    return telemetry->vehicle != 0 && message->sysid == telemetry->vehicle &&
+           message->compid == MAV_COMP_ID_AUTOPILOT1;
+}
+
 static void take_frame(struct telemetry *telemetry, unsigned stream,
                        const mavlink_message_t *message, int64_t now_us)
 {
@@ -225,31 +248,82 @@ static void take_frame(struct telemetry *telemetry, unsigned stream,
         take_odid(telemetry, message, now_us);
     } else if (!read_plain(message, &update)) {
         telemetry->counters.not_needed++;
-    } else if (message->sysid != telemetry->vehicle || message->compid != MAV_COMP_ID_AUTOPILOT1) {
+    } else if (!from_autopilot(telemetry, message)) {
         telemetry->counters.other_system++;
     } else {
         telemetry->counters.frames++;
         telemetry->deliver(telemetry->context, &update, now_us);
     }
-    if (message->sysid == telemetry->vehicle && message->compid == MAV_COMP_ID_AUTOPILOT1) {
+    if (from_autopilot(telemetry, message)) {
         telemetry->vehicle_stream = (int)stream;
     }
 }
 
-/*
- * The parser leaves it to its caller to start over after a damaged frame; the
- * byte that ended it may be the first one of the next.
- */
-static void start_over(struct stream *stream, uint8_t byte)
+/* Tries again from the held byte with this index. */
+static void try_from(struct stream *stream, size_t index)
 {
-    mavlink_message_t unused_message;
-    mavlink_status_t unused_status;
-
+    stream->length -= index;
+    memmove(stream->held, stream->held + index, stream->length);
+    stream->parsed = 0;
+    stream->failed = false;
     stream->status.parse_state = MAVLINK_PARSE_STATE_IDLE;
-    stream->status.msg_received = MAVLINK_FRAMING_INCOMPLETE;
-    if (byte == MAVLINK_STX || byte == MAVLINK_STX_MAVLINK1) {
-        mavlink_frame_char_buffer(&stream->message, &stream->status, byte, &unused_message,
-                                  &unused_status);
+}
+
+/*
+ * A frame that can't be read was one, damaged or unknown, where another one
+ * follows at once. Else its start byte only looked like one, in the middle of
+ * something: frames may have begun since, and the parser alone would swallow
+ * them, often for many frames on end.
+ */
+static void pass_over(struct stream *stream)
+{
+    uint8_t next = stream->held[stream->parsed];
+    bool framed = next == MAVLINK_STX || next == MAVLINK_STX_MAVLINK1;
+
+    try_from(stream, framed ? stream->parsed : 1);
+}
+
+/* A header that no known sender writes: found out before what follows is taken for its payload. */
+static bool is_absurd(const struct stream *stream)
+{
+    const mavlink_msg_entry_t *entry = mavlink_get_msg_entry(stream->message.msgid);
+
+    if (stream->message.magic == MAVLINK_STX) {
+        return stream->parsed == MAVLINK_NUM_HEADER_BYTES && stream->message.msgid > UINT16_MAX;
+    }
+    return stream->parsed == MAVLINK_CORE_HEADER_MAVLINK1_LEN + 1 && entry != NULL &&
+           stream->message.len != entry->min_msg_len; /* MAVLink 1 never cuts a payload */
+}
+
+static void parse_byte(struct telemetry *telemetry, unsigned stream, struct stream *from,
+                       int64_t now_us)
+{
+    mavlink_message_t message;
+    mavlink_status_t status;
+
+    switch (mavlink_frame_char_buffer(&from->message, &from->status, from->held[from->parsed++],
+                                      &message, &status)) {
+    case MAVLINK_FRAMING_OK:
+        take_frame(telemetry, stream, &message, now_us);
+        try_from(from, from->parsed);
+        break;
+    case MAVLINK_FRAMING_BAD_CRC:
+        /* The CRC covers a seed from the definitions: without one it can't be right. */
+        if (mavlink_get_msg_entry(message.msgid) == NULL) {
+            telemetry->counters.unknown_id++;
+        } else {
+            telemetry->counters.bad_crc++;
+        }
+        from->failed = true;
+        break;
+    case MAVLINK_FRAMING_BAD_SIGNATURE: /* never: no key is configured */
+        from->failed = true;
+        break;
+    default:
+        if (from->status.parse_state <= MAVLINK_PARSE_STATE_IDLE || is_absurd(from)) {
+            try_from(from, 1); /* no start byte, or no header */
+        }
+        break;
     }
 }
 
@@ -257,29 +331,15 @@ void telemetry_receive(struct telemetry *telemetry, unsigned stream, const uint8
                        size_t length, int64_t now_us)
 {
     struct stream *from = &telemetry->streams[stream % TELEMETRY_STREAMS];
-    mavlink_message_t message;
-    mavlink_status_t status;
 
     for (size_t i = 0; i < length; i++) {
-        switch (
-            mavlink_frame_char_buffer(&from->message, &from->status, bytes[i], &message, &status)) {
-        case MAVLINK_FRAMING_OK:
-            take_frame(telemetry, stream, &message, now_us);
-            break;
-        case MAVLINK_FRAMING_BAD_CRC:
-            /* The CRC covers a seed from the definitions: without one it can't be right. */
-            if (mavlink_get_msg_entry(message.msgid) == NULL) {
-                telemetry->counters.unknown_id++;
+        from->held[from->length++] = bytes[i];
+        while (from->parsed < from->length) {
+            if (from->failed) {
+                pass_over(from);
             } else {
-                telemetry->counters.bad_crc++;
+                parse_byte(telemetry, stream, from, now_us);
             }
-            start_over(from, bytes[i]);
-            break;
-        case MAVLINK_FRAMING_BAD_SIGNATURE: /* never: no key is configured */
-            start_over(from, bytes[i]);
-            break;
-        default:
-            break;
         }
     }
 }

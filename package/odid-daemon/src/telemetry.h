@@ -64,7 +64,7 @@ struct telemetry_update {
         uint8_t landed_state; /* MAV_LANDED_STATE */
         struct {
             uint8_t id_type, ua_type; /* ASTM numbers */
-            char uas_id[21];
+            char uas_id[21];          /* types 3 and 4 are binary: 20 bytes, zeros among them */
         } basic_id;
         struct {
             uint8_t status, height_reference;
@@ -102,7 +102,7 @@ struct telemetry_counters {
     uint64_t frames;            /* understood and used */
     uint64_t bad_crc;           /* damaged on the way */
     uint64_t unknown_id;        /* not in the MAVLink definitions that we know */
-    uint64_t other_transmitter; /* Open Drone ID from components 236-238 */
+    uint64_t other_transmitter; /* from components 236-238 */
     uint64_t other_aircraft;    /* id_or_mac set: somebody heard it */
     uint64_t other_system;      /* neither our vehicle nor addressed to us */
     uint64_t not_needed;        /* valid, and of no use here */
@@ -110,7 +110,7 @@ struct telemetry_counters {
 
 typedef void telemetry_fn(void *context, const struct telemetry_update *update, int64_t now_us);
 
-struct telemetry; /* about 3 KiB, one per process */
+struct telemetry; /* about 6 KiB, one per process */
 
 /* Never fails: the storage is static inside (one instance a process), freshly zeroed. */
 struct telemetry *telemetry_init(telemetry_fn *deliver, void *context);

@@ -77,9 +77,11 @@ static double altitude(double value_m)
     return isfinite(value_m) && value_m > MIN_ALT ? value_m : NAN;
 }
 
+/* 0,0 means unknown, for both; so does what is nowhere on Earth. */
 static void place(double latitude_deg, double longitude_deg, double *latitude, double *longitude)
 {
-    bool known = latitude_deg != 0 || longitude_deg != 0;
+    bool known = (latitude_deg != 0 || longitude_deg != 0) && fabs(latitude_deg) <= 90 &&
+                 fabs(longitude_deg) <= 180;
 
     *latitude = known ? latitude_deg : NAN;
     *longitude = known ? longitude_deg : NAN;
@@ -94,7 +96,8 @@ static bool read_basic_id(const mavlink_message_t *message, struct telemetry_upd
     update->basic_id.id_type = id.id_type;
     update->basic_id.ua_type = id.ua_type;
     copy_text(update->basic_id.uas_id, id.uas_id, sizeof(id.uas_id));
-    return id.id_type != MAV_ODID_ID_TYPE_NONE && id.uas_id[0] != 0;
+    /* Binary in the newer types: a zero at its beginning is no end. */
+    return id.id_type != MAV_ODID_ID_TYPE_NONE && !all_zero(id.uas_id, sizeof(id.uas_id));
 }
 
 static bool read_location(const mavlink_message_t *message, struct telemetry_update *update)
@@ -106,7 +109,8 @@ static bool read_location(const mavlink_message_t *message, struct telemetry_upd
     update->kind = TELEMETRY_LOCATION;
     update->location.status = in.status;
     update->location.height_reference = in.height_reference;
-    update->location.direction_deg = in.direction < 36000 ? in.direction / 100.0 : NAN;
+    /* 36000 is no value of the definition; some round up to it. */
+    update->location.direction_deg = in.direction <= 36000 ? in.direction % 36000 / 100.0 : NAN;
     update->location.speed_mps = in.speed_horizontal < 25500 ? in.speed_horizontal / 100.0 : NAN;
     update->location.vertical_speed_mps =
         in.speed_vertical < 6300 && in.speed_vertical > -6300 ? in.speed_vertical / 100.0 : NAN;
@@ -138,7 +142,7 @@ static bool read_authentication(const mavlink_message_t *message, struct telemet
     update->authentication.timestamp_2019_s = page.timestamp;
     memcpy(update->authentication.data, page.authentication_data,
            sizeof(update->authentication.data));
-    return page.authentication_type != MAV_ODID_AUTH_TYPE_NONE &&
+    return page.authentication_type != MAV_ODID_AUTH_TYPE_NONE && page.authentication_type <= 15 &&
            page.data_page < TELEMETRY_AUTH_PAGES && page.last_page_index < TELEMETRY_AUTH_PAGES;
 }
 
@@ -174,7 +178,7 @@ static bool read_system(const mavlink_message_t *message, struct telemetry_updat
 
     /* Addressed or not, nobody filled it. */
     in.target_system = in.target_component = 0;
-    return !all_zero(&in, sizeof(in));
+    return !all_zero(&in, MAVLINK_MSG_ID_OPEN_DRONE_ID_SYSTEM_LEN); /* without padding */
 }
 
 static bool read_system_update(const mavlink_message_t *message, struct telemetry_update *update)
@@ -189,7 +193,7 @@ static bool read_system_update(const mavlink_message_t *message, struct telemetr
     update->system.operator_altitude_m = altitude(in.operator_altitude_geo);
     update->system.timestamp_2019_s = in.timestamp;
     in.target_system = in.target_component = 0;
-    return !all_zero(&in, sizeof(in));
+    return !all_zero(&in, MAVLINK_MSG_ID_OPEN_DRONE_ID_SYSTEM_UPDATE_LEN);
 }
 
 static bool read_operator_id(const mavlink_message_t *message, struct telemetry_update *update)
@@ -254,6 +258,14 @@ static void pack_authentication(const ODID_Auth_data *in, struct telemetry_updat
     memcpy(update->authentication.data, in->AuthData, size);
 }
 
+/* As ArduPilot sends it when nobody filled it; an altitude of 0 on the air is -1000 m. */
+static bool is_empty_system(const ODID_System_data *in)
+{
+    return in->OperatorLatitude == 0 && in->OperatorLongitude == 0 && in->Timestamp == 0 &&
+           in->OperatorLocationType == 0 && in->ClassificationType == 0 && in->CategoryEU == 0 &&
+           in->ClassEU == 0 && in->OperatorAltitudeGeo <= INV_ALT && in->AreaRadius == 0;
+}
+
 static void pack_system(const ODID_System_data *in, struct telemetry_update *update)
 {
     update->kind = TELEMETRY_SYSTEM;
@@ -290,7 +302,7 @@ static void read_pack(const mavlink_message_t *message, telemetry_fn *deliver, v
     }
     for (int i = 0; i < ODID_BASIC_ID_MAX_MESSAGES; i++) {
         if (uas.BasicIDValid[i] && uas.BasicID[i].IDType != ODID_IDTYPE_NONE &&
-            uas.BasicID[i].UASID[0] != '\0') {
+            !all_zero(uas.BasicID[i].UASID, ODID_ID_SIZE)) {
             pack_basic_id(&uas.BasicID[i], &update);
             deliver(context, &update, now_us);
         }
@@ -300,7 +312,7 @@ static void read_pack(const mavlink_message_t *message, telemetry_fn *deliver, v
         deliver(context, &update, now_us);
     }
     for (int i = 0; i < ODID_AUTH_MAX_PAGES; i++) {
-        if (uas.AuthValid[i]) {
+        if (uas.AuthValid[i] && uas.Auth[i].AuthType != ODID_AUTH_NONE) {
             pack_authentication(&uas.Auth[i], &update);
             deliver(context, &update, now_us);
         }
@@ -311,7 +323,7 @@ static void read_pack(const mavlink_message_t *message, telemetry_fn *deliver, v
         copy_text(update.self_id.text, uas.SelfID.Desc, ODID_STR_SIZE);
         deliver(context, &update, now_us);
     }
-    if (uas.SystemValid) {
+    if (uas.SystemValid && !is_empty_system(&uas.System)) {
         pack_system(&uas.System, &update);
         deliver(context, &update, now_us);
     }

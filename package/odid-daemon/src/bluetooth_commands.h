@@ -1,0 +1,64 @@
+/*
+ * The HCI commands of advertising: opcodes and parameters (Bluetooth Core Vol
+ * 4 Part E 7.8). Pure. Each builder returns the number of parameter bytes.
+ */
+#ifndef ODID_BLUETOOTH_COMMANDS_H
+#define ODID_BLUETOOTH_COMMANDS_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+enum bluetooth_opcode {
+    BLUETOOTH_RESET = 0x0C03,
+    BLUETOOTH_READ_FEATURES = 0x2003,
+    BLUETOOTH_SET_ADDRESS = 0x2005,
+    BLUETOOTH_SET_PARAMETERS = 0x2006,
+    BLUETOOTH_SET_DATA = 0x2008,
+    BLUETOOTH_SET_ENABLE = 0x200A,
+    BLUETOOTH_SET_EXTENDED_ADDRESS = 0x2035,
+    BLUETOOTH_SET_EXTENDED_PARAMETERS = 0x2036,
+    BLUETOOTH_SET_EXTENDED_DATA = 0x2037,
+    BLUETOOTH_SET_EXTENDED_ENABLE = 0x2039,
+    BLUETOOTH_CLEAR_SETS = 0x203D,
+    BLUETOOTH_SET_EXTENDED_PARAMETERS_V2 = 0x207F,
+};
+
+/* Legacy and long range as advertising sets of one controller. */
+enum bluetooth_set { BLUETOOTH_LEGACY, BLUETOOTH_LONG_RANGE, BLUETOOTH_SETS };
+
+/* Advertising intervals, in units of 0.625 ms. */
+#define BLUETOOTH_INTERVAL_20_MS 0x0020
+#define BLUETOOTH_INTERVAL_100_MS 0x00A0
+#define BLUETOOTH_INTERVAL_200_MS 0x0140
+
+/* Error codes, Vol 1 Part F. */
+#define BLUETOOTH_UNKNOWN_COMMAND 0x01
+#define BLUETOOTH_DISALLOWED 0x0C
+#define BLUETOOTH_INVALID_PARAMETERS 0x12
+
+/* Is this a command that changes what is advertised, or resets the controller? */
+bool bluetooth_changes_advertising(uint16_t opcode);
+
+size_t bluetooth_parameters(uint16_t interval, uint8_t *out);
+size_t bluetooth_extended_parameters(enum bluetooth_set set, uint16_t interval, uint8_t *out);
+/* The same with a choice of the coding: S=8 is required for long range. */
+size_t bluetooth_extended_parameters_v2(enum bluetooth_set set, uint16_t interval, uint8_t *out);
+size_t bluetooth_extended_address(enum bluetooth_set set, const uint8_t address[6], uint8_t *out);
+/* data: at most 31 bytes. */
+size_t bluetooth_data(const uint8_t *data, size_t length, uint8_t *out);
+/* data: at most 251 bytes, set in one piece. */
+size_t bluetooth_extended_data(enum bluetooth_set set, const uint8_t *data, size_t length,
+                               uint8_t *out);
+/* used[set]: which of the sets are switched on. None used: switches all sets off. */
+size_t bluetooth_extended_enable(const bool used[BLUETOOTH_SETS], uint8_t *out);
+
+/*
+ * A random static address, little-endian: the same from power-on to power-off,
+ * also over a restart of the daemon. boot_id: the kernel's
+ * /proc/sys/kernel/random/boot_id, whose last 48 bits are random; other text
+ * is hashed.
+ */
+void bluetooth_static_address(const char *boot_id, uint8_t address[6]);
+
+#endif

@@ -1,0 +1,59 @@
+#include "log.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+#define LINE_MAX_BYTES 512
+
+static bool debug;
+
+void log_set_debug(bool on)
+{
+    debug = on;
+}
+
+static void line(const char *level, const char *format, va_list arguments)
+{
+    char text[LINE_MAX_BYTES];
+    size_t length = (size_t)snprintf(text, sizeof(text), "%s: ", level);
+
+    vsnprintf(text + length, sizeof(text) - length - 1, format, arguments);
+    length = strlen(text);
+    for (size_t i = 0; i < length; i++) {
+        if ((unsigned char)text[i] < ' ' || text[i] == 0x7F) {
+            text[i] = '?'; /* names and replies come from outside */
+        }
+    }
+    text[length++] = '\n';
+    if (write(STDERR_FILENO, text, length) < 0) {
+        return; /* there is nowhere else to say it */
+    }
+}
+
+#define LEVEL(name, level)                                                                         \
+    void name(const char *format, ...)                                                             \
+    {                                                                                              \
+        va_list arguments;                                                                         \
+                                                                                                   \
+        va_start(arguments, format);                                                               \
+        line(level, format, arguments);                                                            \
+        va_end(arguments);                                                                         \
+    }
+
+LEVEL(log_error, "error")
+LEVEL(log_warning, "warning")
+LEVEL(log_info, "info")
+
+void log_debug(const char *format, ...)
+{
+    va_list arguments;
+
+    if (!debug) {
+        return;
+    }
+    va_start(arguments, format);
+    line("debug", format, arguments);
+    va_end(arguments);
+}

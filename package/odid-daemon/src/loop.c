@@ -1,0 +1,173 @@
+#include "loop.h"
+
+#include <errno.h>
+#include <stddef.h>
+#include <sys/epoll.h>
+#include <sys/timerfd.h>
+#include <time.h>
+#include <unistd.h>
+
+#define EVENTS_MAX 16
+
+static struct {
+    int epoll, timer;
+    struct loop_timer *timers; /* every one that was ever initialised; few */
+    int64_t armed_us;          /* what the timerfd is set to */
+    bool stopped;
+} self = {.epoll = -1, .timer = -1};
+
+int64_t loop_now_us(void)
+{
+    struct timespec now;
+
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (int64_t)now.tv_sec * 1000000 + now.tv_nsec / 1000;
+}
+
+int loop_init(void)
+{
+    struct epoll_event event = {.events = EPOLLIN};
+
+    self.epoll = epoll_create1(EPOLL_CLOEXEC);
+    if (self.epoll < 0) {
+        return -errno;
+    }
+    self.timer = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
+    if (self.timer < 0 || epoll_ctl(self.epoll, EPOLL_CTL_ADD, self.timer, &event) < 0) {
+        return -errno;
+    }
+    self.armed_us = LOOP_NEVER;
+    return 0;
+}
+
+int loop_watch(struct loop_watch *watch, int fd, uint32_t events, loop_watch_fn *call,
+               void *context)
+{
+    struct epoll_event event = {.events = events, .data.ptr = watch};
+
+    watch->fd = fd;
+    watch->call = call;
+    watch->context = context;
+    if (epoll_ctl(self.epoll, EPOLL_CTL_ADD, fd, &event) < 0) {
+        watch->fd = -1;
+        return -errno;
+    }
+    return 0;
+}
+
+int loop_watch_events(struct loop_watch *watch, uint32_t events)
+{
+    struct epoll_event event = {.events = events, .data.ptr = watch};
+
+    return epoll_ctl(self.epoll, EPOLL_CTL_MOD, watch->fd, &event) < 0 ? -errno : 0;
+}
+
+void loop_unwatch(struct loop_watch *watch)
+{
+    if (watch->fd < 0) {
+        return;
+    }
+    epoll_ctl(self.epoll, EPOLL_CTL_DEL, watch->fd, NULL);
+    watch->fd = -1;
+}
+
+void loop_timer_init(struct loop_timer *timer, loop_timer_fn *call, void *context)
+{
+    struct loop_timer *known = self.timers;
+
+    while (known != NULL && known != timer) {
+        known = known->next;
+    }
+    timer->deadline_us = LOOP_NEVER;
+    timer->call = call;
+    timer->context = context;
+    if (known == NULL) {
+        timer->next = self.timers;
+        self.timers = timer;
+    }
+}
+
+void loop_arm(struct loop_timer *timer, int64_t deadline_us)
+{
+    timer->deadline_us = deadline_us;
+}
+
+static struct loop_timer *earliest(void)
+{
+    struct loop_timer *first = NULL;
+
+    for (struct loop_timer *timer = self.timers; timer != NULL; timer = timer->next) {
+        if (timer->deadline_us != LOOP_NEVER &&
+            (first == NULL || timer->deadline_us < first->deadline_us)) {
+            first = timer;
+        }
+    }
+    return first;
+}
+
+static void set_timerfd(void)
+{
+    const struct loop_timer *first = earliest();
+    int64_t deadline_us = first == NULL ? LOOP_NEVER : first->deadline_us;
+    struct itimerspec when = {0};
+
+    if (deadline_us == self.armed_us) {
+        return;
+    }
+    self.armed_us = deadline_us;
+    if (first != NULL) {
+        if (deadline_us < 1) {
+            deadline_us = 1; /* zero would disarm it */
+        }
+        when.it_value.tv_sec = deadline_us / 1000000;
+        when.it_value.tv_nsec = deadline_us % 1000000 * 1000;
+    }
+    timerfd_settime(self.timer, TFD_TIMER_ABSTIME, &when, NULL);
+}
+
+static void run_timers(void)
+{
+    struct loop_timer *due = earliest();
+    int64_t now_us = loop_now_us();
+
+    while (due != NULL && due->deadline_us <= now_us && !self.stopped) {
+        due->deadline_us = LOOP_NEVER;
+        due->call(due->context, now_us);
+        now_us = loop_now_us();
+        due = earliest();
+    }
+}
+
+int loop_run(void)
+{
+    struct epoll_event events[EVENTS_MAX];
+    uint64_t expirations;
+    int count;
+
+    self.stopped = false;
+    while (!self.stopped) {
+        set_timerfd();
+        count = epoll_wait(self.epoll, events, EVENTS_MAX, -1);
+        if (count < 0 && errno != EINTR) {
+            return -errno;
+        }
+        /* Deadlines first: a slot that is due doesn't wait for whatever came in. */
+        if (read(self.timer, &expirations, sizeof(expirations)) > 0) {
+            self.armed_us = LOOP_NEVER;
+        }
+        run_timers();
+        for (int i = 0; i < count && !self.stopped; i++) {
+            struct loop_watch *watch = events[i].data.ptr;
+
+            if (watch != NULL && watch->fd >= 0) { /* else unwatched by an earlier one */
+                watch->call(watch->context, events[i].events, loop_now_us());
+            }
+        }
+    }
+    return 0;
+}
+
+void loop_stop(void)
+{
+    self.stopped = true;
+}

@@ -1,0 +1,90 @@
+#include "radio.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "log.h"
+
+const char *radio_state_name(enum radio_state state)
+{
+    static const char *const names[] = {
+        [RADIO_DISABLED] = "disabled", [RADIO_UNSUPPORTED] = "unsupported",
+        [RADIO_ABSENT] = "absent",     [RADIO_BLOCKED] = "blocked",
+        [RADIO_DOWN] = "down",         [RADIO_STARTING] = "starting",
+        [RADIO_ON_AIR] = "on air",     [RADIO_LOST] = "lost",
+    };
+
+    return names[state];
+}
+
+const char *channel_name(enum channel channel)
+{
+    static const char *const names[] = {
+        [CHANNEL_BT4] = "bt4", [CHANNEL_BT5] = "bt5", [CHANNEL_WIFI] = "wifi"};
+
+    return names[channel];
+}
+
+const char *channel_title(enum channel channel)
+{
+    static const char *const titles[] = {[CHANNEL_BT4] = "Bluetooth 4",
+                                         [CHANNEL_BT5] = "Bluetooth 5",
+                                         [CHANNEL_WIFI] = "Wi-Fi beacon"};
+
+    return titles[channel];
+}
+
+void radio_init(struct radio *radio, enum radio_state state, int64_t now_us)
+{
+    memset(radio, 0, sizeof(*radio));
+    radio->state = state;
+    radio->since_us = now_us;
+    radio->accepted_us = INT64_MIN;
+}
+
+void radio_enter(struct radio *radio, enum channel channel, enum radio_state state,
+                 const char *detail, int64_t now_us)
+{
+    bool changed = radio->state != state;
+
+    if (detail != NULL && strcmp(detail, radio->detail) != 0) {
+        snprintf(radio->detail, sizeof(radio->detail), "%s", detail);
+        /* A new reason to be where it was is news only while it is off the air. */
+        changed = changed || state == RADIO_ABSENT || state == RADIO_LOST;
+    }
+    if (!changed) {
+        return;
+    }
+    if (radio->state != state) {
+        radio->state = state;
+        radio->since_us = now_us;
+        radio->starts += state == RADIO_ON_AIR;
+    }
+    if (state == RADIO_LOST || state == RADIO_BLOCKED || state == RADIO_ABSENT) {
+        log_warning("%s: %s (%s)", channel_title(channel), radio_state_name(state), radio->detail);
+    } else {
+        log_info("%s: %s (%s)", channel_title(channel), radio_state_name(state), radio->detail);
+    }
+}
+
+void radio_accepted(struct radio *radio, enum channel channel, int64_t now_us)
+{
+    (void)channel;
+    radio->accepted_us = now_us;
+    radio->payloads++;
+}
+
+int64_t retry_next(struct retry *retry, int64_t now_us)
+{
+    static const int64_t waits_us[] = {250000, 500000, 1000000, 2000000};
+    unsigned last = sizeof(waits_us) / sizeof(waits_us[0]) - 1;
+    int64_t wait_us = waits_us[retry->attempt < last ? retry->attempt : last];
+
+    retry->attempt += retry->attempt < last;
+    return now_us + wait_us;
+}
+
+void retry_reset(struct retry *retry)
+{
+    retry->attempt = 0;
+}
