@@ -16,6 +16,8 @@
 #define LEAP_MIN_S 16.0
 #define LEAP_MAX_S 19.5
 #define LEAP_SEEN 3
+/* A lead that was measured too large, by our clock, is forgotten at this pace a message. */
+#define LEAP_FORGET_S 0.02
 /* A timestamp that is UTC lies between these from now: it comes late, and clocks differ. */
 #define UTC_MIN_S -3.0
 #define UTC_MAX_S 1.0
@@ -34,6 +36,8 @@ struct aircraft *aircraft_init(const struct config *config, int64_t start_us)
     aircraft.telemetry.fix_us = INT64_MIN;
     aircraft.native.fix_us = INT64_MIN;
     aircraft.operator_us = INT64_MIN;
+    /* Until a SYSTEM says otherwise: who sends updates has an operator who moves. */
+    aircraft.native_system.operator_location_type = MAV_ODID_OPERATOR_LOCATION_TYPE_LIVE_GNSS;
     aircraft.rate_hz = NAN;
     aircraft.rate_from_us = start_us;
     return &aircraft;
@@ -238,7 +242,7 @@ static bool native_instant(struct aircraft *aircraft, double timestamp_s, int64_
                                 hour_seconds(autopilot_clock_unix_us(&aircraft->clock, now_us)));
     if (ahead_s > LEAP_MIN_S && ahead_s < LEAP_MAX_S) {
         /* Messages come late: the largest lead is the truest. */
-        aircraft->leap_ahead_s = fmax(aircraft->leap_ahead_s, ahead_s);
+        aircraft->leap_ahead_s = fmax(aircraft->leap_ahead_s - LEAP_FORGET_S, ahead_s);
         if (++aircraft->leap_seen >= LEAP_SEEN) {
             aircraft->leap_s = ceil(aircraft->leap_ahead_s - 0.1);
         }
@@ -380,9 +384,6 @@ static void take_system(struct aircraft *aircraft, const struct telemetry_update
         native->area_radius_m = update->system.area_radius_m;
         native->area_ceiling_m = update->system.area_ceiling_m;
         native->area_floor_m = update->system.area_floor_m;
-    }
-    if (!native->known) {
-        return; /* an update of what never came: its operator location has no type */
     }
     native->latitude_deg = update->system.operator_latitude_deg;
     native->longitude_deg = update->system.operator_longitude_deg;

@@ -106,7 +106,7 @@ struct aircraft_condition {
     bool time_known;
     int64_t unix_us; /* UTC now, when time_known */
     bool takeoff_known;
-    bool takeoff_is_home; /* armed before we started: the autopilot's home stands in */
+    bool takeoff_is_home; /* armed before we started, or unheard: its home stands in */
     uint8_t mav_type, autopilot;
     unsigned autopilot_restarts;
     double position_rate_hz; /* new positions a second over the last 5 s; NAN before */

@@ -214,8 +214,9 @@ static void view_status(const struct aircraft *aircraft, int64_t now_us,
 
     out->status = telemetry_status(aircraft, now_us);
     out->status_source = out->status == AIRCRAFT_UNDECLARED ? SOURCE_NONE : SOURCE_TELEMETRY;
+    /* An emergency counts from whichever source says so. */
     if (aircraft_fresh(aircraft->native.fix_us, now_us) && native != AIRCRAFT_UNDECLARED &&
-        native <= AIRCRAFT_REMOTE_ID_FAILURE) {
+        native <= AIRCRAFT_REMOTE_ID_FAILURE && out->status != AIRCRAFT_EMERGENCY) {
         out->status = native;
         out->status_source = SOURCE_NATIVE;
     }
@@ -353,8 +354,7 @@ static void view_operator(const struct aircraft *aircraft, int64_t now_us,
     out->operator_location_type = config->operator_location_type;
     out->operator_latitude_deg = out->operator_longitude_deg = NAN;
     out->operator_altitude_m = NAN;
-    if (native->known && aircraft_fresh(aircraft->operator_us, now_us) &&
-        !isnan(native->latitude_deg)) {
+    if (aircraft_fresh(aircraft->operator_us, now_us) && !isnan(native->latitude_deg)) {
         out->operator_source = SOURCE_NATIVE;
         out->operator_location_type = native->operator_location_type;
         out->operator_latitude_deg = native->latitude_deg;

@@ -63,7 +63,11 @@ static bool has_restarted(struct autopilot_clock *clock, uint32_t boot_ms, int64
         clock->backward_seen = 0;
         return possible && ahead_ms != 0 && late_us > STEP_US;
     }
-    return ++clock->backward_seen >= BELIEVED || possible;
+    if (clock->backward_seen == 0 || (int32_t)(boot_ms - clock->backward_ms) > 0) {
+        clock->backward_seen++; /* and it goes on: one source with a frozen clock proves nothing */
+    }
+    clock->backward_ms = boot_ms;
+    return clock->backward_seen >= BELIEVED || possible;
 }
 
 int64_t autopilot_clock_boot(struct autopilot_clock *clock, uint32_t boot_ms, int64_t now_us,

@@ -18,7 +18,8 @@ struct autopilot_clock {
     int64_t last_boot_us;   /* the same, not wrapped */
     int64_t offset_us;      /* our clock minus boot time: the least delayed arrival tells */
     int64_t offset_at_us;   /* when it was last looked at */
-    unsigned backward_seen; /* boot times in a row that were earlier than the newest */
+    unsigned backward_seen; /* boot times in a row that were earlier than the newest, ... */
+    uint32_t backward_ms;   /* ... the last of them */
     bool utc_known;
     int64_t utc_offset_us; /* UTC (Unix) minus boot time */
     int64_t step_us;       /* another UTC offset that was seen ... */

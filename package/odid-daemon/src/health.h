@@ -46,6 +46,9 @@ struct health_input {
 
 void health_judge(struct health *health, const struct health_input *input, int64_t now_us);
 
+/* Must this channel be on the air? It is switched on, and the hardware can. */
+bool health_required(const struct health_input *input, enum channel channel);
+
 /* The first fault's reason; "" when the aircraft is good to go. */
 const char *health_reason(const struct health *health);
 

@@ -76,8 +76,7 @@ bool identifiers_check_serial(const char *serial, char problem[IDENTIFIER_PROBLE
                 return wrong_character(problem, i + 1, serial[i], "a length code, 1-9 or A-F");
             }
         } else if (!is_serial_character(serial[i])) {
-            return wrong_character(problem, i + 1, serial[i],
-                                   "a digit or a capital letter other than O and I");
+            return wrong_character(problem, i + 1, serial[i], "0-9 or A-Z without O and I");
         }
     }
     if (length <= SERIAL_HEAD) {
@@ -88,7 +87,7 @@ bool identifiers_check_serial(const char *serial, char problem[IDENTIFIER_PROBLE
     announced = length_code(serial[SERIAL_MANUFACTURER]);
     if (length - SERIAL_HEAD != announced) {
         snprintf(problem, IDENTIFIER_PROBLEM_SIZE,
-                 "length code \"%c\" announces %zu characters after it, there are %zu",
+                 "length code \"%c\" announces %zu characters, %zu follow",
                  serial[SERIAL_MANUFACTURER], announced, length - SERIAL_HEAD);
         return false;
     }
@@ -229,4 +228,48 @@ enum operator_number_verdict identifiers_check_operator(const char *given,
         return OPERATOR_NUMBER_INVALID;
     }
     return OPERATOR_NUMBER_VALID;
+}
+
+/* ---- a number in the wrong place ---- */
+
+static bool is_alphanumeric(char c)
+{
+    return is_digit(c) || is_capital(c) || is_small(c);
+}
+
+/* Words of 16 letters exist: without a digit only the proper form counts as a number. */
+static bool is_number_in_text(const char *text)
+{
+    char public_part[OPERATOR_PUBLIC + 1], problem[IDENTIFIER_PROBLEM_SIZE];
+
+    if (!begins_like_a_number(text)) {
+        return false;
+    }
+    memcpy(public_part, text, OPERATOR_PUBLIC);
+    public_part[OPERATOR_PUBLIC] = '\0';
+    return strpbrk(public_part, "0123456789") != NULL || check_public(public_part, problem);
+}
+
+bool identifiers_remove_secrets(char *text)
+{
+    bool removed = false;
+
+    for (size_t i = 0; text[i] != '\0'; i++) {
+        char *rest, *end;
+
+        if ((i > 0 && is_alphanumeric(text[i - 1])) || !is_number_in_text(text + i)) {
+            continue;
+        }
+        rest = text + i + OPERATOR_PUBLIC;
+        if (!is_dash(rest)) {
+            continue;
+        }
+        end = rest + (*rest == '-' ? 1 : 3);
+        while (is_alphanumeric(*end)) {
+            end++;
+        }
+        memmove(rest, end, strlen(end) + 1);
+        removed = true;
+    }
+    return removed;
 }

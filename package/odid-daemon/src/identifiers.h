@@ -39,12 +39,19 @@ enum operator_number_verdict {
  * published example FIN87astrdge12k8-xyz).
  *
  * given: as the operator wrote it, with or without the secret part.
- * public_part: receives what may be stored, logged and broadcast: everything
- * before the first "-", cut to IDENTIFIER_MAX characters. The secret part is
- * never copied anywhere, and problem never quotes it.
+ * public_part: receives what may be stored, logged and broadcast: the first 16
+ * characters when they look like a number, whatever follows them; else
+ * everything before the first "-", cut to IDENTIFIER_MAX characters. The
+ * secret part is never copied anywhere, and problem never quotes it.
  */
 enum operator_number_verdict identifiers_check_operator(const char *given,
                                                         char public_part[IDENTIFIER_MAX + 1],
                                                         char problem[IDENTIFIER_PROBLEM_SIZE]);
+
+/*
+ * Removes, in place, the secret part of every operator number that stands
+ * somewhere in a text where it doesn't belong. Returns true when there was one.
+ */
+bool identifiers_remove_secrets(char *text);
 
 #endif

@@ -1,8 +1,10 @@
 #include "log.h"
 
+#include <fcntl.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/ioctl.h>
 #include <unistd.h>
 
 #define LINE_MAX_BYTES 512
@@ -14,7 +16,20 @@ void log_set_debug(bool on)
     debug = on;
 }
 
-static void line(const char *level, const char *format, va_list arguments)
+/*
+ * A logger that hangs would stop us at its full pipe, and the broadcast with
+ * us: half full, lines are dropped. Half, because a pipe counts pages, and
+ * short lines may leave each of them partly empty.
+ */
+static bool has_room(void)
+{
+    int size = fcntl(STDERR_FILENO, F_GETPIPE_SZ); /* fails on what is no pipe */
+    int unread;
+
+    return size < 0 || ioctl(STDERR_FILENO, FIONREAD, &unread) < 0 || unread < size / 2;
+}
+
+__attribute__((format(printf, 2, 0))) static void line(const char *level, const char *format, va_list arguments)
 {
     char text[LINE_MAX_BYTES];
     size_t length = (size_t)snprintf(text, sizeof(text), "%s: ", level);
@@ -27,7 +42,7 @@ static void line(const char *level, const char *format, va_list arguments)
         }
     }
     text[length++] = '\n';
-    if (write(STDERR_FILENO, text, length) < 0) {
+    if (!has_room() || write(STDERR_FILENO, text, length) < 0) {
         return; /* there is nowhere else to say it */
     }
 }

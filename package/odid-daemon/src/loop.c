@@ -13,6 +13,9 @@ static struct {
     int epoll, timer;
     struct loop_timer *timers; /* every one that was ever initialised; few */
     int64_t armed_us;          /* what the timerfd is set to */
+    int64_t round_us;          /* deadlines up to here fire in this round */
+    struct epoll_event *ready; /* this round's events, while they are handed out */
+    int ready_count;
     bool stopped;
 } self = {.epoll = -1, .timer = -1};
 
@@ -69,6 +72,12 @@ void loop_unwatch(struct loop_watch *watch)
     }
     epoll_ctl(self.epoll, EPOLL_CTL_DEL, watch->fd, NULL);
     watch->fd = -1;
+    /* What is still to be told about the old descriptor must not reach the next one. */
+    for (int i = 0; i < self.ready_count; i++) {
+        if (self.ready[i].data.ptr == watch) {
+            self.ready[i].data.ptr = NULL;
+        }
+    }
 }
 
 void loop_timer_init(struct loop_timer *timer, loop_timer_fn *call, void *context)
@@ -89,7 +98,8 @@ void loop_timer_init(struct loop_timer *timer, loop_timer_fn *call, void *contex
 
 void loop_arm(struct loop_timer *timer, int64_t deadline_us)
 {
-    timer->deadline_us = deadline_us;
+    /* One that is always late gets its turn once a round, and the descriptors theirs. */
+    timer->deadline_us = deadline_us > self.round_us ? deadline_us : self.round_us + 1;
 }
 
 static struct loop_timer *earliest(void)
@@ -128,14 +138,25 @@ static void set_timerfd(void)
 static void run_timers(void)
 {
     struct loop_timer *due = earliest();
-    int64_t now_us = loop_now_us();
 
-    while (due != NULL && due->deadline_us <= now_us && !self.stopped) {
+    self.round_us = loop_now_us();
+    while (due != NULL && due->deadline_us <= self.round_us && !self.stopped) {
         due->deadline_us = LOOP_NEVER;
-        due->call(due->context, now_us);
-        now_us = loop_now_us();
+        due->call(due->context, loop_now_us());
         due = earliest();
     }
+}
+
+static void hand_out(void)
+{
+    for (int i = 0; i < self.ready_count && !self.stopped; i++) {
+        struct loop_watch *watch = self.ready[i].data.ptr;
+
+        if (watch != NULL) { /* else the timer's, or unwatched by an earlier call */
+            watch->call(watch->context, self.ready[i].events, loop_now_us());
+        }
+    }
+    self.ready_count = 0;
 }
 
 int loop_run(void)
@@ -155,14 +176,10 @@ int loop_run(void)
         if (read(self.timer, &expirations, sizeof(expirations)) > 0) {
             self.armed_us = LOOP_NEVER;
         }
+        self.ready = events; /* a timer's call may unwatch as well */
+        self.ready_count = count > 0 ? count : 0;
         run_timers();
-        for (int i = 0; i < count && !self.stopped; i++) {
-            struct loop_watch *watch = events[i].data.ptr;
-
-            if (watch != NULL && watch->fd >= 0) { /* else unwatched by an earlier one */
-                watch->call(watch->context, events[i].events, loop_now_us());
-            }
-        }
+        hand_out();
     }
     return 0;
 }

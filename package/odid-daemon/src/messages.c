@@ -117,16 +117,18 @@ static bool encode_authentication(const struct aircraft_view *view, unsigned ind
 {
     const struct aircraft_auth_page *in;
     ODID_Auth_data data;
+    unsigned room;
 
     if (index >= view->auth_pages) {
         return false;
     }
     in = &view->auth[index];
+    room = ODID_AUTH_PAGE_ZERO_DATA_SIZE + in->last_page * ODID_AUTH_PAGE_NONZERO_DATA_SIZE;
     odid_initAuthData(&data);
     data.DataPage = in->page;
     data.AuthType = (ODID_authtype_t)(in->type & 0xF);
     data.LastPageIndex = in->last_page;
-    data.Length = in->length;
+    data.Length = in->length <= room ? in->length : (uint8_t)room;
     data.Timestamp = in->timestamp_2019_s;
     memcpy(data.AuthData, in->data,
            in->page == 0 ? ODID_AUTH_PAGE_ZERO_DATA_SIZE : ODID_AUTH_PAGE_NONZERO_DATA_SIZE);

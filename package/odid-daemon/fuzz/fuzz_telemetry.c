@@ -1,0 +1,197 @@
+/*
+ * MAVLink bytes -> telemetry -> aircraft -> view -> messages and packs.
+ *
+ * An input is a first byte that chooses the configuration, and then records:
+ *
+ *   op         bits 0-2: stream, bit 3: a frame rather than raw bytes,
+ *              bits 4-7: how much time passes before it
+ *   raw bytes: count, bytes
+ *   a frame:   message, sender, payload length, payload; the checksum is
+ *              written here, which no fuzzer would find by itself
+ */
+#include <common/mavlink.h>
+
+#include "on_air.h"
+#include "schedule.h"
+#include "telemetry.h"
+
+#define START_US INT64_C(1000000000)
+#define COUNT(array) (sizeof(array) / sizeof((array)[0]))
+
+static const int64_t steps_us[16] = {
+    0,       1000,     50000,    125000,     200000,      1000000,          2999999, 3000000,
+    4000000, 10000000, 60000000, 3600000000, 86400000000, 25 * 86400000000, 1,       500000};
+
+static const uint32_t messages[] = {
+    MAVLINK_MSG_ID_HEARTBEAT,
+    MAVLINK_MSG_ID_SYSTEM_TIME,
+    MAVLINK_MSG_ID_GPS_RAW_INT,
+    MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+    MAVLINK_MSG_ID_HOME_POSITION,
+    MAVLINK_MSG_ID_EXTENDED_SYS_STATE,
+    MAVLINK_MSG_ID_OPEN_DRONE_ID_BASIC_ID,
+    MAVLINK_MSG_ID_OPEN_DRONE_ID_LOCATION,
+    MAVLINK_MSG_ID_OPEN_DRONE_ID_AUTHENTICATION,
+    MAVLINK_MSG_ID_OPEN_DRONE_ID_SELF_ID,
+    MAVLINK_MSG_ID_OPEN_DRONE_ID_SYSTEM,
+    MAVLINK_MSG_ID_OPEN_DRONE_ID_OPERATOR_ID,
+    MAVLINK_MSG_ID_OPEN_DRONE_ID_MESSAGE_PACK,
+    MAVLINK_MSG_ID_OPEN_DRONE_ID_SYSTEM_UPDATE,
+    MAVLINK_MSG_ID_OPEN_DRONE_ID_ARM_STATUS,
+    MAVLINK_MSG_ID_ATTITUDE,
+};
+
+static const struct {
+    uint8_t system, component;
+} senders[] = {{1, 1}, {2, 1}, {255, 190}, {1, 191}, {1, 236}, {0, 1}, {1, 237}, {254, 1}};
+
+static struct {
+    const uint8_t *at;
+    size_t left;
+} input;
+
+static struct config config;
+static struct telemetry *telemetry;
+static struct aircraft *aircraft;
+static struct messages_counters counters;
+static struct messages_counter pack_counter;
+static struct schedule schedule;
+static int64_t now_us;
+
+static uint8_t byte(void)
+{
+    if (input.left == 0) {
+        return 0;
+    }
+    input.left--;
+    return *input.at++;
+}
+
+static size_t some(size_t count)
+{
+    return count < input.left ? count : input.left;
+}
+
+static void configure(uint8_t choice)
+{
+    memset(&config, 0, sizeof(config));
+    for (unsigned i = 0; i < CONFIG_BASIC_IDS; i++) {
+        config.basic_id[i].id_type = (uint8_t)(1 + i);
+        config.basic_id[i].ua_type = CONFIG_UA_TYPE_AUTO;
+        if (choice >> i & 1) {
+            strcpy(config.basic_id[i].uas_id, i == 0 ? "SSRS5GBG01" : "SE-123");
+        }
+    }
+    config.classification_type = 1;
+    config.classification_set = choice >> 2 & 1;
+    config.operator_latitude_deg = choice >> 3 & 1 ? 57.7 : NAN;
+    config.operator_longitude_deg = choice >> 3 & 1 ? 11.9 : NAN;
+    config.operator_altitude_m = NAN;
+    config.bench_latitude_deg = choice >> 4 & 1 ? 57.5 : NAN;
+    config.bench_longitude_deg = choice >> 4 & 1 ? 11.5 : NAN;
+    if (choice >> 5 & 1) {
+        strcpy(config.operator_id, "SWE3jxza7qbzvu5d");
+        strcpy(config.description, "Sea rescue surveillance");
+    }
+}
+
+static void take(void *context, const struct telemetry_update *update, int64_t at_us)
+{
+    (void)context;
+    MUST(at_us == now_us);
+    MUST(update->kind <= TELEMETRY_OPERATOR_ID);
+    aircraft_update(aircraft, update, at_us);
+}
+
+static void judge_times(const struct aircraft_location *at)
+{
+    bool starting = now_us - START_US < AIRCRAFT_FRESH_US;
+
+    MUST(at->fix_us <= now_us);
+    MUST(isnan(at->timestamp_s) || (at->timestamp_s >= 0 && at->timestamp_s < 3600));
+    if (at->position_fresh) {
+        MUST(now_us - at->fix_us < AIRCRAFT_FRESH_US);
+        MUST(!isnan(at->latitude_deg) && !isnan(at->longitude_deg));
+    } else {
+        MUST(starting || at->position_source == SOURCE_CONFIGURATION ||
+             at->status == AIRCRAFT_EMERGENCY || at->status == AIRCRAFT_REMOTE_ID_FAILURE);
+    }
+    MUST(at->motion_source != SOURCE_NONE ||
+         (isnan(at->speed_mps) && isnan(at->direction_deg) && isnan(at->vertical_speed_mps)));
+    MUST(isnan(at->latitude_deg) == isnan(at->longitude_deg));
+}
+
+static void judge(void)
+{
+    static struct aircraft_view view;
+    struct aircraft_condition condition;
+    unsigned available[MESSAGE_TYPES];
+    struct schedule_entry entry;
+
+    aircraft_view(aircraft, now_us, &view);
+    aircraft_condition(aircraft, now_us, &condition);
+    judge_times(&view.location);
+    judge_legacy(&view, &counters);
+    judge_pack(&view, &pack_counter);
+    for (enum message_type type = 0; type < MESSAGE_TYPES; type++) {
+        available[type] = messages_available(&view, type);
+    }
+    if (now_us >= schedule_deadline(&schedule)) {
+        entry = schedule_next(&schedule, now_us, available);
+        MUST(entry.index < available[entry.type]);
+        MUST(entry.until_us > now_us && entry.until_us <= now_us + SCHEDULE_SLOT_US);
+    }
+}
+
+static void feed_raw(unsigned stream)
+{
+    size_t count = some(byte());
+
+    telemetry_receive(telemetry, stream, input.at, count, now_us);
+    input.at += count;
+    input.left -= count;
+}
+
+static void feed_frame(unsigned stream)
+{
+    const mavlink_msg_entry_t *entry = mavlink_get_msg_entry(messages[byte() % COUNT(messages)]);
+    size_t sender = byte() % COUNT(senders), length = some(byte());
+    uint8_t frame[MAVLINK_MAX_PACKET_LEN];
+    mavlink_message_t message;
+
+    memset(&message, 0, sizeof(message));
+    message.msgid = entry->msgid;
+    memcpy(_MAV_PAYLOAD_NON_CONST(&message), input.at, length);
+    input.at += length;
+    input.left -= length;
+    mavlink_finalize_message_chan(&message, senders[sender].system, senders[sender].component,
+                                  MAVLINK_COMM_0, entry->min_msg_len, entry->max_msg_len,
+                                  entry->crc_extra);
+    telemetry_receive(telemetry, stream, frame, mavlink_msg_to_send_buffer(frame, &message),
+                      now_us);
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+{
+    input.at = data;
+    input.left = size;
+    now_us = START_US;
+    configure(byte());
+    telemetry = telemetry_init(take, NULL);
+    aircraft = aircraft_init(&config, now_us);
+    memset(&counters, 0, sizeof(counters));
+    memset(&pack_counter, 0, sizeof(pack_counter));
+    schedule_start(&schedule, now_us);
+    while (input.left > 0) {
+        uint8_t op = byte();
+
+        now_us += steps_us[op >> 4];
+        if (op & 8) {
+            feed_frame(op & 7);
+        } else {
+            feed_raw(op & 7);
+        }
+        judge();
+    }
+    return 0;
+}

@@ -1,0 +1,170 @@
+/* The configuration as a whole: what fits its rules key by key and still can't be meant. */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "config_keys.h"
+
+#define ID_NONE 0
+#define ID_SERIAL 1
+#define ID_UTM 3
+#define LOCATION_FIXED 2
+#define CATEGORY_OPEN 1
+#define CLASS_C5 6
+
+static void judge_basic_id(const struct config *config, unsigned index,
+                           struct config_source *source)
+{
+    const struct config_basic_id *id = &config->basic_id[index];
+    const char *section = index == 0 ? "basic_id" : "basic_id_2";
+    char problem[IDENTIFIER_PROBLEM_SIZE];
+
+    if (id->uas_id[0] == '\0') {
+        return;
+    }
+    if (id->id_type == ID_NONE) {
+        config_say(source, CONFIG_WARNING,
+                   "[%s] id_type = none: receivers can't tell what kind of identifier \"%s\" is",
+                   section, id->uas_id);
+    } else if (id->id_type == ID_SERIAL && !identifiers_check_serial(id->uas_id, problem)) {
+        config_say(source, CONFIG_WARNING,
+                   "[%s] uas_id = \"%s\" is no valid serial number (CTA-2063-A): %s; it is "
+                   "broadcast all the same",
+                   section, id->uas_id, problem);
+    } else if (id->id_type >= ID_UTM) {
+        config_say(source, CONFIG_WARNING,
+                   "[%s] id_type = %s: \"%s\" is sent as text, not as the binary identifier that "
+                   "receivers expect",
+                   section, config_code_name(config_id_types, id->id_type), id->uas_id);
+    }
+}
+
+static void judge_basic_ids(const struct config *config, struct config_source *source)
+{
+    const struct config_basic_id *first = &config->basic_id[0], *second = &config->basic_id[1];
+    bool have_first = first->uas_id[0] != '\0', have_second = second->uas_id[0] != '\0';
+
+    judge_basic_id(config, 0, source);
+    judge_basic_id(config, 1, source);
+    if (!have_first && !have_second) {
+        config_say(
+            source, CONFIG_WARNING,
+            "[basic_id] uas_id is not set: the aircraft has no identity unless the autopilot "
+            "sends one");
+    } else if ((!have_first || first->id_type != ID_SERIAL) &&
+               (!have_second || second->id_type != ID_SERIAL)) {
+        config_say(source, CONFIG_WARNING,
+                   "no uas_id has id_type = serial: EU rules ask for the aircraft's serial number");
+    }
+    if (have_first && have_second && first->id_type == second->id_type) {
+        config_say(source, CONFIG_WARNING,
+                   "[basic_id_2] id_type is the same as in [basic_id]: receivers keep one "
+                   "identifier of a kind");
+    }
+}
+
+static void judge_operator(const struct config *config, struct config_source *source)
+{
+    char public_part[IDENTIFIER_MAX + 1], problem[IDENTIFIER_PROBLEM_SIZE];
+
+    if (config->operator_id[0] == '\0') {
+        config_say(source, CONFIG_WARNING,
+                   "[operator] operator_id is not set: no operator number is broadcast unless the "
+                   "autopilot sends one");
+    } else if (identifiers_check_operator(config->operator_id, public_part, problem) ==
+               OPERATOR_NUMBER_INVALID) {
+        config_say(source, CONFIG_WARNING,
+                   "[operator] operator_id = \"%s\" is no EU operator number: %s; it is broadcast "
+                   "all the same",
+                   config->operator_id, problem);
+    }
+}
+
+static void judge_system(const struct config *config, struct config_source *source)
+{
+    if (config->operator_location_type == LOCATION_FIXED && isnan(config->operator_latitude_deg)) {
+        config_say(source, CONFIG_WARNING,
+                   "[system] operator_location_type = fixed needs operator_latitude and "
+                   "operator_longitude; the take-off point is used");
+    }
+    if (config->operator_latitude_deg == 0 && config->operator_longitude_deg == 0) {
+        config_say(source, CONFIG_WARNING,
+                   "[system] operator_latitude, operator_longitude: 0, 0 means unknown on the air");
+    }
+    if (config->classification_type == 0 && (config->category != 0 || config->class_eu != 0)) {
+        config_say(
+            source, CONFIG_WARNING,
+            "[system] category and class mean nothing with classification_type = undeclared");
+    }
+    if (config->category == CATEGORY_OPEN && config->class_eu >= CLASS_C5) {
+        config_say(source, CONFIG_WARNING,
+                   "[system] class %s belongs to category specific, not open",
+                   config_class_name(config->class_eu));
+    }
+    if (config->description[0] != '\0' && config->description_type == 1) {
+        config_say(source, CONFIG_WARNING,
+                   "[self_id] description_type = emergency: every receiver shows an emergency from "
+                   "power-on");
+    }
+}
+
+/* "h4:/dev/ttyX@baud" uses a serial port that the autopilot can't be on as well. */
+static bool uses_device(const char *adapter, const char *device)
+{
+    size_t length = strlen(device);
+
+    return strncmp(adapter, "h4:", 3) == 0 && strncmp(adapter + 3, device, length) == 0 &&
+           (adapter[3 + length] == '\0' || adapter[3 + length] == '@');
+}
+
+static void judge_ways(const struct config *config, struct config_source *source)
+{
+    bool bluetooth = config->bt4_enabled || config->bt5_enabled;
+
+    if (!bluetooth && !config->wifi_beacon_enabled) {
+        config_say(source, CONFIG_WARNING,
+                   "Bluetooth and Wi-Fi are both switched off: nothing is broadcast");
+    } else if (!config->bt5_enabled && !config->wifi_beacon_enabled) {
+        config_say(source, CONFIG_WARNING,
+                   "only Bluetooth 4 is switched on: EU rules ask for Wi-Fi or Bluetooth 5 long "
+                   "range besides");
+    }
+    if (config->source == MAVLINK_SOURCE_SERIAL && bluetooth &&
+        (uses_device(config->bt_adapter, config->device) ||
+         uses_device(config->bt5_adapter, config->device))) {
+        config_say(source, CONFIG_WARNING, "[mavlink] device and a Bluetooth adapter are both %s",
+                   config->device);
+    }
+    if (config->source == MAVLINK_SOURCE_UDP && strncmp(config->udp_address, "127.", 4) != 0) {
+        config_say(source, CONFIG_NOTE,
+                   "[mavlink] udp_address = %s: whoever reaches it by network can feed positions",
+                   config->udp_address);
+    }
+}
+
+static void judge_bench(const struct config *config, struct config_source *source)
+{
+    if (isnan(config->bench_latitude_deg)) {
+        return;
+    }
+    config_say(
+        source, CONFIG_WARNING,
+        "[bench] a test position is on: an invented place is broadcast whenever the autopilot "
+        "gives none; never fly with it");
+    if (config->bench_latitude_deg == 0 && config->bench_longitude_deg == 0) {
+        config_say(source, CONFIG_WARNING,
+                   "[bench] latitude, longitude: 0, 0 means unknown on the air");
+    }
+}
+
+unsigned config_judge(const struct config *config, config_report_fn *report, void *context)
+{
+    struct config_source source = {.name = "", .report = report, .context = context};
+
+    judge_basic_ids(config, &source);
+    judge_operator(config, &source);
+    judge_system(config, &source);
+    judge_ways(config, &source);
+    judge_bench(config, &source);
+    return source.warnings;
+}

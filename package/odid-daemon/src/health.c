@@ -1,0 +1,345 @@
+#include "health.h"
+
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "identifiers.h"
+#include "utf8.h"
+
+#define ID_SERIAL 1
+#define OPERATOR_ID_EU 0
+/* Positions may be a second old when they are sent (2nd). */
+#define POSITION_RATE_MIN_HZ 0.9
+
+static void add(struct health *health, enum health_severity severity, const char *advice,
+                const char *format, ...) __attribute__((format(printf, 4, 5)));
+
+static void add(struct health *health, enum health_severity severity, const char *advice,
+                const char *format, ...)
+{
+    struct health_problem *problem = &health->problem[health->count];
+    char reason[128];
+    va_list arguments;
+
+    if (health->count == HEALTH_MAX) {
+        return; /* the most important ones are there */
+    }
+    health->count++;
+    problem->severity = severity;
+    va_start(arguments, format);
+    vsnprintf(reason, sizeof(reason), format, arguments);
+    va_end(arguments);
+    utf8_clean(problem->reason, sizeof(problem->reason),
+               reason); /* a native ID may hold any byte */
+    snprintf(problem->advice, sizeof(problem->advice), "%s", advice);
+}
+
+#define FAULT(...) add(health, HEALTH_FAULT, __VA_ARGS__)
+#define WARNING(...) add(health, HEALTH_WARNING, __VA_ARGS__)
+
+/* ---- channels ---- */
+
+static bool switched_on(const struct config *config, enum channel channel)
+{
+    switch (channel) {
+    case CHANNEL_BT4:
+        return config->bt4_enabled;
+    case CHANNEL_BT5:
+        return config->bt5_enabled;
+    default:
+        return config->wifi_beacon_enabled;
+    }
+}
+
+bool health_required(const struct health_input *input, enum channel channel)
+{
+    enum radio_state state = input->radios[channel].state;
+
+    return switched_on(input->config, channel) && state != RADIO_UNSUPPORTED &&
+           state != RADIO_DISABLED;
+}
+
+static bool on_air(const struct health_input *input, enum channel channel)
+{
+    return input->radios[channel].state == RADIO_ON_AIR;
+}
+
+static const char *channel_advice(enum channel channel, enum radio_state state)
+{
+    bool wifi = channel == CHANNEL_WIFI;
+
+    switch (state) {
+    case RADIO_ABSENT:
+        return wifi ? "Start hostapd; check [broadcast] wifi_iface and hostapd_dir. A CM4 without "
+                      "wireless has no Wi-Fi."
+                    : "Check [broadcast] bt_adapter, or plug in the Bluetooth adapter. A CM4 "
+                      "without wireless has none.";
+    case RADIO_BLOCKED:
+        return wifi ? "The radio is switched off: rfkill unblock wlan, or the switch on the device."
+                    : "The radio is switched off: rfkill unblock bluetooth, or the switch on the "
+                      "device.";
+    case RADIO_LOST:
+        return "It stopped answering and is being set up again. If this lasts a minute, switch "
+               "power off and on.";
+    default:
+        return "It is being set up. If this lasts longer than 10 s, read the log, then switch "
+               "power off and on.";
+    }
+}
+
+static void judge_any_channel(struct health *health, const struct health_input *input)
+{
+    bool any_required = false, any_on_air = false;
+
+    health->on_air = true;
+    for (enum channel channel = 0; channel < CHANNELS; channel++) {
+        if (health_required(input, channel)) {
+            any_required = true;
+            health->on_air = health->on_air && on_air(input, channel);
+        }
+        any_on_air = any_on_air || on_air(input, channel);
+    }
+    health->on_air = health->on_air && any_required;
+    if (!any_on_air && any_required) {
+        FAULT("Nobody can receive this aircraft: see the channels below.",
+              "no channel is on the air");
+    } else if (!any_on_air) {
+        FAULT("Switch on a channel in [broadcast], or plug in an adapter that can transmit.",
+              "no channel is switched on");
+    }
+}
+
+/* opendroneid-core-c's table of what is mandatory: Bluetooth 4 by itself nowhere. */
+static void judge_mandatory_channel(struct health *health, const struct health_input *input)
+{
+    if (on_air(input, CHANNEL_BT4) && !on_air(input, CHANNEL_BT5) && !on_air(input, CHANNEL_WIFI)) {
+        FAULT("EU rules count Wi-Fi or Bluetooth 5 long range, not Bluetooth 4: get one of them on "
+              "the air.",
+              "Bluetooth 4 alone does not meet EU rules");
+    }
+}
+
+static void judge_channels(struct health *health, const struct health_input *input)
+{
+    for (enum channel channel = 0; channel < CHANNELS; channel++) {
+        enum radio_state state = input->radios[channel].state;
+
+        if (health_required(input, channel) && state != RADIO_ON_AIR) {
+            FAULT(channel_advice(channel, state), "%s not on the air: %s", channel_title(channel),
+                  radio_state_name(state));
+        }
+    }
+}
+
+/* ---- identity ---- */
+
+static void judge_basic_ids(struct health *health, const struct aircraft_view *view)
+{
+    char problem[IDENTIFIER_PROBLEM_SIZE];
+
+    if (view->basic_ids == 0) {
+        /* QGroundControl knows this text. */
+        FAULT("Set [basic_id] uas_id in odid.conf to the aircraft's serial number.",
+              "missing basic_id message");
+    }
+    for (unsigned i = 0; i < view->basic_ids; i++) {
+        if (view->basic_id[i].id_type == ID_SERIAL &&
+            !identifiers_check_serial(view->basic_id[i].uas_id, problem)) {
+            FAULT(view->basic_id[i].source == SOURCE_NATIVE
+                      ? "The autopilot sends it. Set [basic_id] uas_id to the number on the "
+                        "aircraft's label."
+                      : "Compare [basic_id] uas_id with the aircraft's label; odidctl check says "
+                        "what is wrong.",
+                  "Basic ID is no valid serial: %s", view->basic_id[i].uas_id);
+        }
+    }
+}
+
+static void judge_operator_id(struct health *health, const struct aircraft_view *view)
+{
+    char public_part[IDENTIFIER_MAX + 1], problem[IDENTIFIER_PROBLEM_SIZE];
+    char without_secret[IDENTIFIER_MAX + 1];
+
+    if (view->operator_id[0] == '\0') {
+        FAULT("Set [operator] operator_id in odid.conf to the operator's registration number.",
+              "missing operator_id message");
+        return;
+    }
+    snprintf(without_secret, sizeof(without_secret), "%s", view->operator_id);
+    if (identifiers_remove_secrets(without_secret)) {
+        FAULT(
+            "The ground station sends the whole number. Enter it there without \"-\" and the last "
+            "3 characters.",
+            "secret part of the operator ID is on the air");
+    } else if (view->operator_id_type == OPERATOR_ID_EU &&
+               identifiers_check_operator(view->operator_id, public_part, problem) ==
+                   OPERATOR_NUMBER_INVALID) {
+        FAULT("Compare [operator] operator_id with the registration; odidctl check says what is "
+              "wrong.",
+              "Operator ID is no EU number: %s", public_part);
+    }
+}
+
+static void judge_serial_present(struct health *health, const struct aircraft_view *view)
+{
+    for (unsigned i = 0; i < view->basic_ids; i++) {
+        if (view->basic_id[i].id_type == ID_SERIAL) {
+            return;
+        }
+    }
+    if (view->basic_ids > 0) {
+        WARNING("EU rules ask for the serial number: set [basic_id] uas_id with id_type = serial.",
+                "no serial number among the Basic IDs");
+    }
+}
+
+/* ---- autopilot ---- */
+
+static const char *link_advice(const struct health_input *input)
+{
+    bool serial = input->config->source == MAVLINK_SOURCE_SERIAL;
+
+    if (input->link->state == LINK_ABSENT) {
+        return serial ? "Plug in the autopilot's USB cable, or set [mavlink] device."
+                      : "Check [mavlink] udp_address and udp_port: another program may use them.";
+    }
+    return serial ? "Is the autopilot powered? Check [mavlink] baud and the port's MAVLink "
+                    "protocol setting."
+                  : "Start mavlink-router, and let it send to [mavlink] udp_address and udp_port.";
+}
+
+static void judge_link(struct health *health, const struct health_input *input)
+{
+    if (input->link->state == LINK_ABSENT) {
+        FAULT(link_advice(input), "no link to the autopilot");
+    } else if (input->link->state == LINK_SILENT) {
+        FAULT(link_advice(input), "autopilot is silent: nothing comes");
+    } else if (!input->condition->heartbeat_fresh) {
+        FAULT("Bytes come, but no autopilot (component 1) speaks: check baud, and that it is set "
+              "to MAVLink.",
+              "no heartbeat from the autopilot");
+    }
+}
+
+static bool bench_position(const struct health_input *input)
+{
+    return input->view->location.position_source == SOURCE_CONFIGURATION;
+}
+
+static void judge_position(struct health *health, const struct health_input *input, int64_t now_us)
+{
+    const struct aircraft_location *location = &input->view->location;
+
+    if (bench_position(input) || location->position_fresh) {
+        return;
+    }
+    if (location->fix_us == INT64_MIN) {
+        FAULT("Take the aircraft outdoors and wait for a GNSS fix; check the GNSS antenna.",
+              "no position from the autopilot");
+    } else {
+        FAULT("The autopilot lost its GNSS fix, or its link broke: check antenna and cable.",
+              "position stopped %lld s ago", (long long)((now_us - location->fix_us) / 1000000));
+    }
+}
+
+static void judge_failure(struct health *health, const struct health_input *input)
+{
+    /* Ours come with a cause that is listed already. */
+    if (input->view->location.status == AIRCRAFT_REMOTE_ID_FAILURE &&
+        input->view->location.status_source == SOURCE_NATIVE) {
+        FAULT("The autopilot reports it: look at its own messages in the ground station.",
+              "autopilot says: remote ID system failure");
+    }
+}
+
+/* ---- worth mending ---- */
+
+static void judge_data(struct health *health, const struct health_input *input)
+{
+    const struct aircraft_condition *condition = input->condition;
+
+    if (!condition->time_known) {
+        WARNING("It comes from the autopilot once it has a GNSS fix (MAVLink SYSTEM_TIME).",
+                "time unknown: time stamps say so");
+    }
+    if (condition->position_rate_hz < POSITION_RATE_MIN_HZ && condition->position_rate_hz > 0) {
+        WARNING(
+            "Let the autopilot send GLOBAL_POSITION_INT at 4 Hz on this port (its stream rate).",
+            "positions come only every %.0f s", ceil(1 / condition->position_rate_hz));
+    }
+    if (condition->armed && input->view->system.operator_source == SOURCE_NONE) {
+        WARNING("Arm with a GNSS fix, connect a ground station with a position, or set [system] "
+                "operator_latitude.",
+                "operator location unknown");
+    }
+    if (condition->armed && condition->takeoff_is_home) {
+        WARNING("Remote ID started after arming: the place counts from the next arming on.",
+                "take-off point unknown: home stands in");
+    }
+}
+
+static void judge_conflicts(struct health *health, const struct aircraft_condition *condition)
+{
+    if (condition->basic_id_conflict) {
+        WARNING("The configured one is broadcast. Make the ground station's the same, or leave it "
+                "empty there.",
+                "autopilot sends another Basic ID");
+    }
+    if (condition->operator_id_conflict) {
+        WARNING("The configured one is broadcast. Make the ground station's the same, or leave it "
+                "empty there.",
+                "autopilot sends another operator ID");
+    }
+}
+
+static void judge_daemon(struct health *health, const struct health_input *input)
+{
+    if (input->config_errors > 0) {
+        WARNING("odidctl check FILE lists them, and what is used instead.",
+                "configuration: %u value%s not usable", input->config_errors,
+                input->config_errors == 1 ? "" : "s");
+    }
+    if (input->filter_logging) {
+        WARNING("It ended twice by a forbidden system call: send the log to whoever maintains it.",
+                "system-call filter only logs");
+    }
+    if (!input->realtime) {
+        WARNING(
+            "Start it as root; in a container allow real-time priority. Slots may be late under "
+            "load.",
+            "no real-time priority");
+    }
+}
+
+/* ---- all of it ---- */
+
+void health_judge(struct health *health, const struct health_input *input, int64_t now_us)
+{
+    memset(health, 0, sizeof(*health));
+    judge_any_channel(health, input);
+    if (bench_position(input)) {
+        FAULT("An invented place is broadcast. Remove [bench] from odid.conf before flying.",
+              "bench position in use");
+    }
+    judge_basic_ids(health, input->view);
+    judge_operator_id(health, input->view);
+    judge_link(health, input);
+    judge_position(health, input, now_us);
+    judge_mandatory_channel(health, input);
+    judge_channels(health, input);
+    judge_failure(health, input);
+    judge_serial_present(health, input->view);
+    judge_conflicts(health, input->condition);
+    judge_data(health, input);
+    judge_daemon(health, input);
+}
+
+const char *health_reason(const struct health *health)
+{
+    if (health->count == 0 || health->problem[0].severity != HEALTH_FAULT) {
+        return "";
+    }
+    return health->problem[0].reason;
+}

@@ -1,0 +1,15 @@
+/* The daemon's status as a table that a technician understands. */
+#ifndef ODID_ODIDCTL_TABLE_H
+#define ODID_ODIDCTL_TABLE_H
+
+#include <json-c/json_object.h>
+#include <stdbool.h>
+#include <stdio.h>
+
+/* What isn't known, or isn't there, is shown as "unknown". */
+void odidctl_table(FILE *out, struct json_object *status, bool colour);
+
+/* "0.3 s", "45 s", "12 min", "5 h", "3 days"; NAN: "unknown". */
+void odidctl_duration(char *out, size_t size, double seconds);
+
+#endif

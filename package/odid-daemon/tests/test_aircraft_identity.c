@@ -1,0 +1,392 @@
+/* Identity: what is configured speaks, native fills what isn't, a difference is reported. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "flight.h"
+
+static void native_id_bytes(uint8_t id_type, uint8_t ua_type, const char *id, size_t length)
+{
+    struct telemetry_update update = update_of(TELEMETRY_BASIC_ID);
+
+    update.basic_id.id_type = id_type;
+    update.basic_id.ua_type = ua_type;
+    memcpy(update.basic_id.uas_id, id, length);
+    give(&update);
+}
+
+static void native_id(uint8_t id_type, uint8_t ua_type, const char *id)
+{
+    native_id_bytes(id_type, ua_type, id, strlen(id));
+}
+
+static void native_operator(const char *id)
+{
+    struct telemetry_update update = update_of(TELEMETRY_OPERATOR_ID);
+
+    strcpy(update.operator_id.operator_id, id);
+    give(&update);
+}
+
+static void native_description(uint8_t type, const char *text)
+{
+    struct telemetry_update update = update_of(TELEMETRY_SELF_ID);
+
+    update.self_id.type = type;
+    strcpy(update.self_id.text, text);
+    give(&update);
+}
+
+static void configure(unsigned i, uint8_t id_type, int ua_type, const char *id)
+{
+    config.basic_id[i].id_type = id_type;
+    config.basic_id[i].ua_type = ua_type;
+    strcpy(config.basic_id[i].uas_id, id);
+}
+
+static void assert_id(unsigned i, uint8_t id_type, uint8_t ua_type, const char *id,
+                      enum source source)
+{
+    assert_true(i < view.basic_ids);
+    assert_int_equal(view.basic_id[i].id_type, id_type);
+    assert_int_equal(view.basic_id[i].ua_type, ua_type);
+    assert_string_equal(view.basic_id[i].uas_id, id);
+    assert_int_equal(view.basic_id[i].source, source);
+}
+
+/* ---- Basic ID ---- */
+
+static void a_configured_serial_number_wins_over_the_native_one(void **state)
+{
+    (void)state;
+    configure(0, 1, 1, "SSRS5GBG01");
+    native_id(1, 2, "1AAA3XYZ");
+    look();
+    assert_int_equal(view.basic_ids, 1);
+    assert_id(0, 1, 1, "SSRS5GBG01", SOURCE_CONFIGURATION);
+    assert_true(condition.basic_id_conflict);
+}
+
+static void the_same_serial_number_is_no_conflict(void **state)
+{
+    (void)state;
+    configure(0, 1, 1, "SSRS5GBG01");
+    look();
+    assert_false(condition.basic_id_conflict);
+    native_id(1, 2, "SSRS5GBG01");
+    look();
+    assert_int_equal(view.basic_ids, 1);
+    assert_false(condition.basic_id_conflict);
+}
+
+static void a_native_id_of_another_type_fills_the_second_place(void **state)
+{
+    (void)state;
+    configure(0, 1, 1, "SSRS5GBG01");
+    native_id(2, 1, "SE-123");
+    look();
+    assert_int_equal(view.basic_ids, 2);
+    assert_id(0, 1, 1, "SSRS5GBG01", SOURCE_CONFIGURATION);
+    assert_id(1, 2, 1, "SE-123", SOURCE_NATIVE);
+    assert_false(condition.basic_id_conflict);
+}
+
+static void two_native_ids_are_kept_side_by_side(void **state)
+{
+    (void)state;
+    native_id(2, 4, "SE-123");
+    look();
+    assert_int_equal(view.basic_ids, 1);
+    assert_id(0, 2, 4, "SE-123", SOURCE_NATIVE);
+    native_id(1, 4, "1AAA3XYZ");
+    look();
+    assert_int_equal(view.basic_ids, 2);
+    assert_id(0, 1, 4, "1AAA3XYZ", SOURCE_NATIVE);
+    assert_id(1, 2, 4, "SE-123", SOURCE_NATIVE);
+    native_id(1, 4, "1AAA3ZZZ");
+    look();
+    assert_int_equal(view.basic_ids, 2);
+    assert_id(0, 1, 4, "1AAA3ZZZ", SOURCE_NATIVE);
+}
+
+static void two_configured_ids_leave_no_room_for_a_third(void **state)
+{
+    (void)state;
+    configure(0, 1, 1, "SSRS5GBG01");
+    configure(1, 2, 1, "SE-123");
+    native_id(4, 1, "session");
+    look();
+    assert_int_equal(view.basic_ids, 2);
+    assert_id(1, 2, 1, "SE-123", SOURCE_CONFIGURATION);
+}
+
+static void the_second_place_alone_may_be_configured(void **state)
+{
+    (void)state;
+    configure(1, 2, 1, "SE-123");
+    native_id(1, 1, "1AAA3XYZ");
+    look();
+    assert_int_equal(view.basic_ids, 2);
+    assert_id(0, 2, 1, "SE-123", SOURCE_CONFIGURATION);
+    assert_id(1, 1, 1, "1AAA3XYZ", SOURCE_NATIVE);
+}
+
+static void an_id_of_20_characters_is_kept_whole(void **state)
+{
+    (void)state;
+    configure(0, 1, 1, "ABCDFGHJKLMNPQRSTUVW");
+    native_id(2, 1, "abcdfghjklmnpqrstuvw");
+    look();
+    assert_id(0, 1, 1, "ABCDFGHJKLMNPQRSTUVW", SOURCE_CONFIGURATION);
+    assert_id(1, 2, 1, "abcdfghjklmnpqrstuvw", SOURCE_NATIVE);
+}
+
+/* A UUID may begin with a zero byte. */
+static void a_binary_id_is_kept_with_its_zeros(void **state)
+{
+    static const char uuid[20] = {0, 1, 0, 2, 0, 0, 0, 3, 0, 0, 0, 0, 0, 0, 0, 4};
+
+    (void)state;
+    native_id_bytes(3, 2, uuid, sizeof(uuid));
+    look();
+    assert_int_equal(view.basic_ids, 1);
+    assert_int_equal(view.basic_id[0].id_type, 3);
+    assert_memory_equal(view.basic_id[0].uas_id, uuid, sizeof(uuid));
+}
+
+static void a_shorter_id_leaves_nothing_of_a_longer_one(void **state)
+{
+    static const char padded[21] = "AB";
+
+    (void)state;
+    native_id(1, 1, "ABCDFGHJKLMNPQRSTUVW");
+    look();
+    native_id(1, 1, "AB");
+    look();
+    assert_memory_equal(view.basic_id[0].uas_id, padded, sizeof(padded));
+}
+
+/* ---- UA type ---- */
+
+static void ua_type_auto_follows_the_heartbeat(void **state)
+{
+    (void)state;
+    configure(0, 1, CONFIG_UA_TYPE_AUTO, "SSRS5GBG01");
+    look();
+    assert_int_equal(view.basic_id[0].ua_type, 0);
+    sim.mav_type = MAV_TYPE_HEXAROTOR;
+    heartbeat();
+    look();
+    assert_int_equal(view.basic_id[0].ua_type, 2);
+    sim.mav_type = MAV_TYPE_FIXED_WING;
+    heartbeat();
+    look();
+    assert_int_equal(view.basic_id[0].ua_type, 1);
+}
+
+static void ua_type_auto_takes_the_native_one_without_a_heartbeat(void **state)
+{
+    (void)state;
+    configure(0, 1, CONFIG_UA_TYPE_AUTO, "SSRS5GBG01");
+    native_id(2, 4, "SE-123");
+    look();
+    assert_int_equal(view.basic_id[0].ua_type, 4);
+    sim.mav_type = MAV_TYPE_QUADROTOR;
+    heartbeat();
+    look();
+    assert_int_equal(view.basic_id[0].ua_type, 2);
+}
+
+static void a_configured_ua_type_stays(void **state)
+{
+    (void)state;
+    for (int type = 0; type <= 15; type++) {
+        configure(0, 1, type, "SSRS5GBG01");
+        native_id(1, 4, "SSRS5GBG01");
+        heartbeat();
+        look();
+        assert_int_equal(view.basic_id[0].ua_type, type);
+    }
+}
+
+/* ---- Operator ID and Self ID ---- */
+
+static void a_configured_operator_wins_and_a_difference_is_reported(void **state)
+{
+    (void)state;
+    native_operator("FIN87astrdge12k8");
+    look();
+    assert_string_equal(view.operator_id, "FIN87astrdge12k8");
+    assert_false(condition.operator_id_conflict);
+    strcpy(config.operator_id, "SWE3jxza7qbzvu5d");
+    look();
+    assert_string_equal(view.operator_id, "SWE3jxza7qbzvu5d");
+    assert_true(condition.operator_id_conflict);
+    native_operator("SWE3jxza7qbzvu5d");
+    look();
+    assert_false(condition.operator_id_conflict);
+}
+
+static void a_configured_description_wins_with_its_type(void **state)
+{
+    (void)state;
+    native_description(2, "Extended");
+    look();
+    assert_true(view.self_id_set);
+    assert_string_equal(view.description, "Extended");
+    assert_int_equal(view.description_type, 2);
+    strcpy(config.description, "Sea rescue surveillance");
+    look();
+    assert_string_equal(view.description, "Sea rescue surveillance");
+    assert_int_equal(view.description_type, 0);
+}
+
+/* ---- Authentication ---- */
+
+static void page(unsigned index, unsigned last, uint32_t timestamp, uint8_t fill)
+{
+    struct telemetry_update update = update_of(TELEMETRY_AUTHENTICATION);
+
+    update.authentication.type = 1;
+    update.authentication.page = (uint8_t)index;
+    update.authentication.last_page = (uint8_t)(index == 0 ? last : 0);
+    update.authentication.length = (uint8_t)(index == 0 ? 17 + 23 * last : 0);
+    update.authentication.timestamp_2019_s = index == 0 ? timestamp : 0;
+    memset(update.authentication.data, fill, index == 0 ? 17 : 23);
+    give(&update);
+    look();
+}
+
+static void authentication_counts_when_all_pages_have_come(void **state)
+{
+    (void)state;
+    page(0, 2, 5, 0xA0);
+    assert_int_equal(view.auth_pages, 0);
+    page(2, 2, 5, 0xA2);
+    assert_int_equal(view.auth_pages, 0);
+    page(1, 2, 5, 0xA1);
+    assert_int_equal(view.auth_pages, 3);
+    for (unsigned i = 0; i < 3; i++) {
+        assert_int_equal(view.auth[i].page, i);
+        assert_int_equal(view.auth[i].data[16], 0xA0 + i);
+    }
+    assert_int_equal(view.auth[0].last_page, 2);
+    assert_int_equal(view.auth[0].length, 63);
+    assert_int_equal(view.auth[0].timestamp_2019_s, 5);
+}
+
+static void authentication_of_one_page_is_whole(void **state)
+{
+    (void)state;
+    page(0, 0, 5, 0xA0);
+    assert_int_equal(view.auth_pages, 1);
+}
+
+static void authentication_of_16_pages_is_whole(void **state)
+{
+    (void)state;
+    for (unsigned i = 0; i < 16; i++) {
+        assert_int_equal(view.auth_pages, 0);
+        page(i, 15, 5, (uint8_t)i);
+    }
+    assert_int_equal(view.auth_pages, 16);
+}
+
+static void repeated_pages_change_nothing(void **state)
+{
+    (void)state;
+    for (unsigned i = 0; i < 9; i++) {
+        page(i % 3, 2, 5, (uint8_t)(0xA0 + i % 3));
+        assert_int_equal(view.auth_pages, i >= 2 ? 3 : 0);
+    }
+}
+
+static void a_new_page_0_starts_another_authentication(void **state)
+{
+    (void)state;
+    page(0, 1, 5, 0xA0);
+    page(1, 1, 5, 0xA1);
+    assert_int_equal(view.auth_pages, 2);
+    page(0, 1, 6, 0xA0);
+    assert_int_equal(view.auth_pages, 0);
+    page(1, 1, 6, 0xB1);
+    assert_int_equal(view.auth_pages, 2);
+    assert_int_equal(view.auth[1].data[0], 0xB1);
+    page(0, 0, 6, 0xA0); /* shorter */
+    assert_int_equal(view.auth_pages, 1);
+}
+
+/* The new page 0 was lost on the way: its page 1 must not stand under the old page 0. */
+static void pages_of_two_authentications_never_mix(void **state)
+{
+    (void)state;
+    page(0, 1, 5, 0xA0);
+    page(1, 1, 5, 0xA1);
+    page(1, 1, 6, 0xB1);
+    assert_int_equal(view.auth_pages, 0);
+    page(0, 1, 6, 0xB0);
+    assert_int_equal(view.auth_pages, 0);
+    page(1, 1, 6, 0xB1);
+    assert_int_equal(view.auth_pages, 2);
+    assert_int_equal(view.auth[0].data[0], 0xB0);
+    assert_int_equal(view.auth[1].data[0], 0xB1);
+}
+
+static void joining_in_the_middle_waits_for_page_0(void **state)
+{
+    (void)state;
+    page(1, 2, 5, 0xA1);
+    page(2, 2, 5, 0xA2);
+    page(0, 2, 5, 0xA0);
+    assert_int_equal(view.auth_pages, 0);
+    page(1, 2, 5, 0xA1);
+    page(2, 2, 5, 0xA2);
+    assert_int_equal(view.auth_pages, 3);
+}
+
+static void impossible_pages_are_ignored(void **state)
+{
+    (void)state;
+    for (unsigned last = 16; last < 256; last++) {
+        page(0, last, 5, 0xA0);
+        assert_int_equal(view.auth_pages, 0);
+    }
+    for (unsigned index = 16; index < 256; index++) {
+        page(index, 0, 5, 0xA0);
+        assert_int_equal(view.auth_pages, 0);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup(a_configured_serial_number_wins_over_the_native_one, begin_setup),
+        cmocka_unit_test_setup(the_same_serial_number_is_no_conflict, begin_setup),
+        cmocka_unit_test_setup(a_native_id_of_another_type_fills_the_second_place, begin_setup),
+        cmocka_unit_test_setup(two_native_ids_are_kept_side_by_side, begin_setup),
+        cmocka_unit_test_setup(two_configured_ids_leave_no_room_for_a_third, begin_setup),
+        cmocka_unit_test_setup(the_second_place_alone_may_be_configured, begin_setup),
+        cmocka_unit_test_setup(an_id_of_20_characters_is_kept_whole, begin_setup),
+        cmocka_unit_test_setup(a_binary_id_is_kept_with_its_zeros, begin_setup),
+        cmocka_unit_test_setup(a_shorter_id_leaves_nothing_of_a_longer_one, begin_setup),
+        cmocka_unit_test_setup(ua_type_auto_follows_the_heartbeat, begin_setup),
+        cmocka_unit_test_setup(ua_type_auto_takes_the_native_one_without_a_heartbeat, begin_setup),
+        cmocka_unit_test_setup(a_configured_ua_type_stays, begin_setup),
+        cmocka_unit_test_setup(a_configured_operator_wins_and_a_difference_is_reported,
+                               begin_setup),
+        cmocka_unit_test_setup(a_configured_description_wins_with_its_type, begin_setup),
+        cmocka_unit_test_setup(authentication_counts_when_all_pages_have_come, begin_setup),
+        cmocka_unit_test_setup(authentication_of_one_page_is_whole, begin_setup),
+        cmocka_unit_test_setup(authentication_of_16_pages_is_whole, begin_setup),
+        cmocka_unit_test_setup(repeated_pages_change_nothing, begin_setup),
+        cmocka_unit_test_setup(a_new_page_0_starts_another_authentication, begin_setup),
+        cmocka_unit_test_setup(pages_of_two_authentications_never_mix, begin_setup),
+        cmocka_unit_test_setup(joining_in_the_middle_waits_for_page_0, begin_setup),
+        cmocka_unit_test_setup(impossible_pages_are_ignored, begin_setup),
+    };
+
+    return cmocka_run_group_tests_name("aircraft, identity", tests, NULL, NULL);
+}

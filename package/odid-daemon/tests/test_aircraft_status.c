@@ -1,0 +1,228 @@
+/* Location.Status: ground, airborne, emergency, remote ID system failure. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "flight.h"
+
+static void the_armed_bit_decides_without_a_landed_state(void **state)
+{
+    (void)state;
+    fly(5);
+    assert_int_equal(view.location.status, AIRCRAFT_GROUND);
+    assert_int_equal(view.location.status_source, SOURCE_TELEMETRY);
+    assert_false(condition.armed);
+    arm(true);
+    look();
+    assert_int_equal(view.location.status, AIRCRAFT_AIRBORNE);
+    assert_true(condition.armed);
+}
+
+static void a_landed_state_wins_over_the_armed_bit(void **state)
+{
+    static const struct {
+        uint8_t landed;
+        enum aircraft_status armed, disarmed;
+    } cases[] = {
+        {MAV_LANDED_STATE_UNDEFINED, AIRCRAFT_AIRBORNE, AIRCRAFT_GROUND},
+        {MAV_LANDED_STATE_ON_GROUND, AIRCRAFT_GROUND, AIRCRAFT_GROUND},
+        {MAV_LANDED_STATE_IN_AIR, AIRCRAFT_AIRBORNE, AIRCRAFT_AIRBORNE},
+        {MAV_LANDED_STATE_TAKEOFF, AIRCRAFT_AIRBORNE, AIRCRAFT_AIRBORNE},
+        {MAV_LANDED_STATE_LANDING, AIRCRAFT_AIRBORNE, AIRCRAFT_AIRBORNE},
+        {200, AIRCRAFT_AIRBORNE, AIRCRAFT_GROUND},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+        fly(5);
+        arm(true);
+        landed(cases[i].landed);
+        look();
+        assert_int_equal(view.location.status, cases[i].armed);
+        arm(false);
+        look();
+        assert_int_equal(view.location.status, cases[i].disarmed);
+    }
+}
+
+static void a_landed_state_that_stopped_gives_way_to_the_armed_bit(void **state)
+{
+    (void)state;
+    sim.armed = true;
+    fly(5);
+    landed(MAV_LANDED_STATE_ON_GROUND);
+    fly(2.8);
+    assert_int_equal(view.location.status, AIRCRAFT_GROUND);
+    fly(0.2);
+    assert_int_equal(view.location.status, AIRCRAFT_AIRBORNE);
+}
+
+static void an_emergency_is_said_and_over_when_it_is_over(void **state)
+{
+    (void)state;
+    sim.armed = true;
+    fly(5);
+    for (uint8_t system_status = 0; system_status <= MAV_STATE_FLIGHT_TERMINATION;
+         system_status++) {
+        bool emergency = system_status == MAV_STATE_EMERGENCY;
+
+        sim.system_status = system_status;
+        fly(1);
+        assert_int_equal(view.location.status, emergency ? AIRCRAFT_EMERGENCY : AIRCRAFT_AIRBORNE);
+        assert_int_equal(condition.emergency, emergency);
+    }
+}
+
+/* An emergency that is known now is worth more than what else is missing. */
+static void an_emergency_without_a_position_is_an_emergency(void **state)
+{
+    (void)state;
+    fly(5);
+    sim.system_status = MAV_STATE_EMERGENCY;
+    sim.position = false;
+    fly(10);
+    assert_int_equal(view.location.status, AIRCRAFT_EMERGENCY);
+    assert_false(view.location.position_fresh);
+    sim.heartbeat = false;
+    fly(3);
+    assert_int_equal(view.location.status, AIRCRAFT_REMOTE_ID_FAILURE);
+    assert_false(condition.emergency);
+}
+
+static void a_lost_heartbeat_is_a_remote_id_failure_after_3_s(void **state)
+{
+    (void)state;
+    sim.armed = true;
+    fly(5);
+    sim.heartbeat = false;
+    fly(2.8);
+    silence_us(199 * MS);
+    assert_int_equal(view.location.status, AIRCRAFT_AIRBORNE);
+    assert_true(condition.heartbeat_fresh);
+    silence_us(1 * MS);
+    assert_int_equal(view.location.status, AIRCRAFT_REMOTE_ID_FAILURE);
+    assert_false(condition.heartbeat_fresh);
+    sim.heartbeat = true;
+    fly(1);
+    assert_int_equal(view.location.status, AIRCRAFT_AIRBORNE);
+}
+
+static void a_lost_heartbeat_keeps_a_position_that_still_comes(void **state)
+{
+    (void)state;
+    fly(5);
+    sim.heartbeat = false;
+    fly(10);
+    assert_true(view.location.position_fresh);
+    assert_true(view.location.fix_us == now_us);
+    assert_int_equal(view.location.status, AIRCRAFT_REMOTE_ID_FAILURE);
+}
+
+static void the_first_seconds_are_no_failure_yet(void **state)
+{
+    (void)state;
+    silence_us(2999 * MS);
+    assert_int_equal(view.location.status, AIRCRAFT_UNDECLARED);
+    silence_us(1 * MS);
+    assert_int_equal(view.location.status, AIRCRAFT_REMOTE_ID_FAILURE);
+}
+
+static void a_native_status_wins_while_it_is_fresh(void **state)
+{
+    (void)state;
+    fly(5);
+    for (uint8_t status = 0; status <= 15; status++) {
+        struct telemetry_update update;
+
+        fly(0.2);
+        update = native_of(now_us);
+        update.location.status = status;
+        give(&update);
+        look();
+        /* undeclared, or a number that isn't one: what telemetry knows */
+        assert_int_equal(view.location.status,
+                         status >= 1 && status <= 4 ? status : AIRCRAFT_GROUND);
+        assert_int_equal(view.location.status_source,
+                         status >= 1 && status <= 4 ? SOURCE_NATIVE : SOURCE_TELEMETRY);
+    }
+    fly(3);
+    assert_int_equal(view.location.status, AIRCRAFT_GROUND);
+}
+
+static void a_native_emergency_is_said_without_a_position(void **state)
+{
+    struct telemetry_update update;
+
+    (void)state;
+    fly(5);
+    sim.position = false;
+    fly(5);
+    update = native_of(now_us);
+    update.location.status = AIRCRAFT_EMERGENCY;
+    update.location.latitude_deg = update.location.longitude_deg = NAN;
+    give(&update);
+    look();
+    assert_int_equal(view.location.status, AIRCRAFT_EMERGENCY);
+    fly(3);
+    assert_int_equal(view.location.status, AIRCRAFT_REMOTE_ID_FAILURE);
+}
+
+static void an_emergency_counts_from_whichever_source(void **state)
+{
+    struct telemetry_update update;
+
+    (void)state;
+    fly(5);
+    sim.system_status = MAV_STATE_EMERGENCY;
+    fly(1.5);
+    update = native_of(now_us);
+    update.location.status = AIRCRAFT_AIRBORNE;
+    give(&update);
+    look();
+    assert_int_equal(view.location.status, AIRCRAFT_EMERGENCY);
+    assert_int_equal(view.location.status_source, SOURCE_TELEMETRY);
+}
+
+static void another_vehicle_starts_from_nothing(void **state)
+{
+    struct telemetry_update update = update_of(TELEMETRY_HEARTBEAT);
+
+    (void)state;
+    sim.native = sim.armed = true;
+    fly(5);
+    landed(MAV_LANDED_STATE_IN_AIR);
+    update.heartbeat.new_vehicle = true;
+    update.heartbeat.mav_type = MAV_TYPE_FIXED_WING;
+    give(&update);
+    look();
+    assert_unknown(view.location.latitude_deg);
+    assert_unknown(view.location.speed_mps);
+    assert_false(view.location.position_fresh);
+    assert_int_equal(view.location.status, AIRCRAFT_REMOTE_ID_FAILURE);
+    assert_int_equal(condition.mav_type, MAV_TYPE_FIXED_WING);
+    assert_true(condition.time_known); /* UTC is the same for all */
+    assert_about((double)condition.unix_us, (double)(sim.utc_us + now_us), 20000);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup(the_armed_bit_decides_without_a_landed_state, begin_setup),
+        cmocka_unit_test_setup(a_landed_state_wins_over_the_armed_bit, begin_setup),
+        cmocka_unit_test_setup(a_landed_state_that_stopped_gives_way_to_the_armed_bit, begin_setup),
+        cmocka_unit_test_setup(an_emergency_is_said_and_over_when_it_is_over, begin_setup),
+        cmocka_unit_test_setup(an_emergency_without_a_position_is_an_emergency, begin_setup),
+        cmocka_unit_test_setup(a_lost_heartbeat_is_a_remote_id_failure_after_3_s, begin_setup),
+        cmocka_unit_test_setup(a_lost_heartbeat_keeps_a_position_that_still_comes, begin_setup),
+        cmocka_unit_test_setup(the_first_seconds_are_no_failure_yet, begin_setup),
+        cmocka_unit_test_setup(a_native_status_wins_while_it_is_fresh, begin_setup),
+        cmocka_unit_test_setup(a_native_emergency_is_said_without_a_position, begin_setup),
+        cmocka_unit_test_setup(an_emergency_counts_from_whichever_source, begin_setup),
+        cmocka_unit_test_setup(another_vehicle_starts_from_nothing, begin_setup),
+    };
+
+    return cmocka_run_group_tests_name("aircraft, status", tests, NULL, NULL);
+}
