@@ -8,7 +8,7 @@
 #define RESTART_MS 1000
 #define STEP_US 1000000
 #define BELIEVED 3 /* times in a row */
-#define YEAR_2020_US INT64_C(1577836800000000)
+#define YEAR_2010_US INT64_C(1262304000000000)
 #define YEAR_2100_US INT64_C(4102444800000000)
 
 void autopilot_clock_new_boot(struct autopilot_clock *clock)
@@ -103,7 +103,7 @@ void autopilot_clock_utc(struct autopilot_clock *clock, uint64_t unix_us, uint32
     int64_t boot_us, offset_us;
 
     boot_us = autopilot_clock_boot(clock, boot_ms, now_us, &restarted) - clock->offset_us;
-    if (unix_us < YEAR_2020_US || unix_us > YEAR_2100_US) {
+    if (unix_us < YEAR_2010_US || unix_us > YEAR_2100_US) {
         return;
     }
     offset_us = (int64_t)unix_us - boot_us;

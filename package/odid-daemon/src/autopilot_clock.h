@@ -37,7 +37,7 @@ int64_t autopilot_clock_boot(struct autopilot_clock *clock, uint32_t boot_ms, in
                              bool *restarted);
 
 /*
- * Takes a SYSTEM_TIME. A time outside 2020-2100 is no GNSS time and ignored; a
+ * Takes a SYSTEM_TIME. A time outside 2010-2100 is no GNSS time and ignored; a
  * step of more than a second is believed at its third time in a row.
  */
 void autopilot_clock_utc(struct autopilot_clock *clock, uint64_t unix_us, uint32_t boot_ms,

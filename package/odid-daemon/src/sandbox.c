@@ -77,6 +77,7 @@ static const int allowed[] = {
     SCMP_SYS(open),
     SCMP_SYS(bind),
     SCMP_SYS(connect),
+    SCMP_SYS(listen),
     SCMP_SYS(accept4),
     SCMP_SYS(getsockopt),
     SCMP_SYS(setsockopt),
@@ -87,6 +88,8 @@ static const int allowed[] = {
     SCMP_SYS(newfstatat),
     SCMP_SYS(lseek),
     /* the take-off point and our sockets in the run directory */
+    SCMP_SYS(chmod),
+    SCMP_SYS(fchmodat),
     SCMP_SYS(unlink),
     SCMP_SYS(unlinkat),
     SCMP_SYS(rename),

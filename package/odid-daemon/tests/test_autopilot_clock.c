@@ -330,7 +330,7 @@ static void a_time_that_is_no_gnss_time_is_ignored(void **state)
                                      1,
                                      1000000,
                                      UINT64_C(936316800000000),  /* a GPS week rollover back */
-                                     UINT64_C(1577836799999999), /* just before 2020 */
+                                     UINT64_C(1262303999999999), /* just before 2010 */
                                      UINT64_C(4102444800000001), /* after 2100 */
                                      UINT64_MAX,
                                      UINT64_C(1) << 63};

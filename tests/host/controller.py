@@ -1,0 +1,65 @@
+"""Starts rootcanal, Google's virtual Bluetooth controller (a model of the air and the chip).
+
+Every TCP client of its HCI port is a controller of its own, H4 framed, all on one air: the daemon's
+is one of them, the judge's scanner another.
+"""
+
+import os
+import socket
+import subprocess
+import time
+from pathlib import Path
+
+import rootcanal.binaries
+
+from . import realtime
+
+START_TIMEOUT_S = 10
+
+
+def free_ports(count):
+    sockets = [socket.socket() for _ in range(count)]
+    try:
+        for one in sockets:
+            one.bind(("127.0.0.1", 0))
+        return [one.getsockname()[1] for one in sockets]
+    finally:
+        for one in sockets:
+            one.close()
+
+
+def is_listening(port):
+    """Whether anybody listens there, without connecting: a connection would be a controller."""
+    wanted = f"0100007F:{port:04X}", f"00000000:{port:04X}"
+    for line in Path("/proc/net/tcp").read_text().splitlines()[1:]:
+        fields = line.split()
+        if fields[1] in wanted and fields[3] == "0A":
+            return True
+    return False
+
+
+class Rootcanal:
+    """A running rootcanal; hci_port is where controllers are had."""
+
+    def __init__(self, log_path):
+        program = Path(rootcanal.binaries.get_package_binary_resource_path("rootcanal"))
+        self.hci_port, link, link_ble, test = free_ports(4)
+        self._log = open(log_path, "wb")
+        self.process = subprocess.Popen(
+            [program, f"-hci_port={self.hci_port}", f"-link_port={link}",
+             f"-link_ble_port={link_ble}", f"-test_port={test}"],
+            env={**os.environ, "LD_LIBRARY_PATH": str(program.parent)},
+            cwd=Path(log_path).parent, stdin=subprocess.DEVNULL, stdout=self._log,
+            stderr=subprocess.STDOUT)
+        realtime.raise_process(self.process.pid)
+        deadline = time.monotonic() + START_TIMEOUT_S
+        while not is_listening(self.hci_port):
+            if self.process.poll() is not None or time.monotonic() > deadline:
+                self.stop()
+                raise RuntimeError(f"rootcanal doesn't listen on port {self.hci_port}: see {log_path}")
+            time.sleep(0.05)
+
+    def stop(self):
+        self.process.terminate()
+        self.process.wait()
+        self._log.close()

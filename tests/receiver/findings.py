@@ -1,0 +1,48 @@
+"""Collects what a run is accused of: violations, which decide the verdict, and
+notes, which don't."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+LISTED_OF_A_KIND = 20
+
+
+@dataclass(frozen=True)
+class Violation:
+    kind: str  # dotted, for example "counter.missing"
+    time: float | None  # Unix seconds of the reception it was seen at
+    mono: float | None
+    channel: str | None
+    what: str
+    expected: str
+    found: str
+
+
+class Findings:
+    def __init__(self) -> None:
+        self.violations: list[Violation] = []  # at most LISTED_OF_A_KIND of each kind
+        self.counts: dict[str, int] = {}
+        self.notes: list[str] = []
+        self._noted: set[str] = set()
+
+    def violation(self, kind: str, at, what: str, expected, found, channel: str | None = None) -> None:
+        """`at` is the Reception, a pair (time, mono), or None for the whole run."""
+        time_s = mono_s = None
+        if isinstance(at, tuple):
+            time_s, mono_s = at
+        elif at is not None:
+            time_s, mono_s, channel = at.time, at.mono, channel or at.channel
+        self.counts[kind] = self.counts.get(kind, 0) + 1
+        if self.counts[kind] <= LISTED_OF_A_KIND:
+            self.violations.append(Violation(kind, time_s, mono_s, channel, what, str(expected), str(found)))
+
+    def note(self, text: str) -> None:
+        """Said once, however often it is seen."""
+        if text not in self._noted:
+            self._noted.add(text)
+            self.notes.append(text)
+
+    @property
+    def total(self) -> int:
+        return sum(self.counts.values())

@@ -1,0 +1,192 @@
+"""The log of what was played to the transmitter: one JSON object per MAVLink message.
+
+Units and signs as MAVLink defines them (positions in 1e-7 degrees, altitudes in
+mm above mean sea level, velocities in cm/s, z downward) become what Open Drone
+ID demands (metres above the ellipsoid and above take-off, positive upward, UTC).
+"""
+
+from __future__ import annotations
+
+import bisect
+import math
+import statistics
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from .receptions import InputError, read_json_lines
+
+ARMED = 0x80  # MAV_MODE_FLAG_SAFETY_ARMED
+AUTOPILOT_INVALID = 8
+GPS_TO_UTC_S = 18
+COURSE_UNKNOWN_M_S = 0.3
+REBOOT_MS = 10000  # a boot time that falls by more is a restart, by less a message out of order
+EARLIEST_UNIX_S = 1.0e9  # an autopilot without GNSS time sends its time since boot
+POSITION_MESSAGES = ("GLOBAL_POSITION_INT", "OPEN_DRONE_ID_LOCATION")
+
+
+@dataclass
+class Fix:
+    """One position that was played, in Open Drone ID's terms; None is unknown."""
+    mono: float
+    source: str
+    boot_ms: int | None
+    latitude_e7: int
+    longitude_e7: int
+    altitude_msl_m: float | None
+    relative_altitude_m: float | None
+    height_m: float | None  # native messages only
+    geodetic_altitude_m: float | None
+    speed_m_s: float | None
+    vertical_speed_m_s: float | None
+    direction_deg: float | None
+    unix_s: float | None = None
+    hour_s: float | None = None  # seconds since the last full UTC hour
+    next_mono: float | None = None  # when the next newer fix of this source was played
+    out_of_order: bool = False
+
+
+@dataclass
+class FlightLog:
+    fixes: list[Fix] = field(default_factory=list)
+    arming_edges: list[float] = field(default_factory=list)  # mono
+    armed_from_start: bool = False
+    homes: list[tuple[float, float]] = field(default_factory=list)  # mono, metres above mean sea level
+    heartbeats: list[float] = field(default_factory=list)  # mono
+    system_times: list[tuple[float, float]] = field(default_factory=list)  # mono, Unix time of boot
+    undulations: list[tuple[float, float | None]] = field(default_factory=list)  # mono, metres or unknown
+    fix_types: list[tuple[float, int]] = field(default_factory=list)
+    clock_offset_s: float = 0.0  # mono minus time
+
+    def newest_fix(self, mono: float, source: str | None = None) -> Fix | None:
+        for fix in reversed(self.fixes[:bisect.bisect_right(self.fixes, mono, key=lambda f: f.mono)]):
+            if not fix.out_of_order and (source is None or fix.source == source):
+                return fix
+        return None
+
+    def undulations_near(self, start_mono: float, end_mono: float) -> set[float | None]:
+        """Ellipsoid minus sea level that a transmitter may have used for a fix that came
+        at `start_mono` and was heard at `end_mono`; None: unknown."""
+        first = max(0, bisect.bisect_right(self.undulations, start_mono, key=lambda u: u[0]) - 1)
+        last = bisect.bisect_right(self.undulations, end_mono, key=lambda u: u[0])
+        found = {value for _, value in self.undulations[first:last]}
+        if not self.undulations or start_mono < self.undulations[0][0]:
+            found.add(None)
+        return found
+
+    def heights_m(self, fix: Fix, heard_mono: float) -> set[float | None]:
+        """Heights above take-off that are right for a fix.  Before the first arming
+        edge relative_alt; from an edge on, the altitude at that edge is the zero.
+        Around an edge both are right.  An aircraft that was armed when the log
+        begins took off where nobody saw it: unknown, or above the autopilot's home."""
+        if fix.height_m is not None or fix.altitude_msl_m is None:
+            return {fix.height_m} if fix.height_m is not None else set()
+        if self.armed_from_start and not any(edge <= heard_mono for edge in self.arming_edges):
+            return {None} | {fix.altitude_msl_m - home for mono, home in self.homes if mono <= heard_mono}
+        edges = [edge for edge in self.arming_edges if edge <= heard_mono]
+        decided = [edge for edge in edges if edge <= fix.mono - 0.5]
+        heights = set() if decided else {fix.relative_altitude_m}
+        for edge in (decided[-1:] + [edge for edge in edges if edge > fix.mono - 0.5]):
+            at = bisect.bisect_right(self.fixes, edge, key=lambda f: f.mono)
+            for zero in self.fixes[max(0, at - 2):at + 1]:  # the edge may overtake a position
+                if zero.altitude_msl_m is not None:
+                    heights.add(fix.altitude_msl_m - zero.altitude_msl_m)
+        return heights
+
+
+def read_flight_log(path: Path) -> FlightLog:
+    log = FlightLog()
+    offsets, armed = [], None
+    for number, record in read_json_lines(path):
+        try:
+            mono, name = float(record["mono"]), record.get("mavpackettype", record["type"])
+            offsets.append(mono - float(record["time"]))
+            if name == "HEARTBEAT" and record.get("autopilot", 0) != AUTOPILOT_INVALID:
+                log.heartbeats.append(mono)
+                now_armed = bool(record["base_mode"] & ARMED)
+                log.armed_from_start = log.armed_from_start or (now_armed and armed is None)
+                if now_armed and armed is False:
+                    log.arming_edges.append(mono)
+                armed = now_armed
+            elif name == "SYSTEM_TIME" and record["time_unix_usec"] / 1e6 > EARLIEST_UNIX_S:
+                log.system_times.append((mono, record["time_unix_usec"] / 1e6 - record["time_boot_ms"] / 1e3))
+            elif name == "HOME_POSITION":
+                log.homes.append((mono, record["altitude"] / 1000))
+            elif name == "GPS_RAW_INT":
+                ellipsoid_mm = record.get("alt_ellipsoid") or None
+                log.undulations.append((mono, None if ellipsoid_mm is None else
+                                        (ellipsoid_mm - record["alt"]) / 1000))
+                log.fix_types.append((mono, record["fix_type"]))
+            elif name in POSITION_MESSAGES:
+                fix = _telemetry_fix(mono, record) if name == POSITION_MESSAGES[0] else _native_fix(mono, record)
+                if fix.latitude_e7 or fix.longitude_e7:
+                    log.fixes.append(fix)
+        except (KeyError, TypeError, ValueError) as error:
+            what = f"{error.args[0]!r} is missing" if isinstance(error, KeyError) else str(error)
+            raise InputError(f"{path}:{number}: not a played MAVLink message: {what}") from error
+    if not offsets:
+        raise InputError(f"{path}: nothing was played (no line in it)")
+    log.clock_offset_s = statistics.median(offsets)
+    for rows in (log.fixes, log.system_times, log.undulations):
+        rows.sort(key=lambda row: row.mono if isinstance(row, Fix) else row[0])
+    _complete(log)
+    return log
+
+
+def _telemetry_fix(mono: float, record: dict) -> Fix:
+    north, east = record["vx"] / 100, record["vy"] / 100
+    speed = math.hypot(north, east)
+    return Fix(mono, "GLOBAL_POSITION_INT", record["time_boot_ms"], record["lat"], record["lon"],
+               record["alt"] / 1000, record["relative_alt"] / 1000, None, None, min(speed, 254.25),
+               max(-62.0, min(62.0, -record["vz"] / 100)),
+               math.degrees(math.atan2(east, north)) % 360 if speed >= COURSE_UNKNOWN_M_S else None)
+
+
+def _native_fix(mono: float, record: dict) -> Fix:
+    def known(value, unknown, scale=1.0):
+        return None if value is None or value == unknown else value / scale
+
+    timestamp_s = record.get("timestamp")
+    return Fix(mono, "OPEN_DRONE_ID_LOCATION", None, record["latitude"], record["longitude"], None, None,
+               known(record.get("height"), -1000), known(record.get("altitude_geodetic"), -1000),
+               known(record.get("speed_horizontal"), 25500, 100), known(record.get("speed_vertical"), 6300, 100),
+               known(record.get("direction"), 36100, 100),
+               hour_s=timestamp_s if timestamp_s is not None and timestamp_s <= 3600 else None)
+
+
+def _complete(log: FlightLog) -> None:
+    """UTC of each fix, and which fix is the next newer one."""
+    newest: dict[str, Fix] = {}
+    for fix in log.fixes:
+        at = bisect.bisect_right(log.system_times, fix.mono, key=lambda s: s[0])
+        boot_unix_s = log.system_times[max(0, at - 1)][1] if log.system_times else None
+        if fix.boot_ms is not None and boot_unix_s is not None:
+            fix.unix_s = boot_unix_s + fix.boot_ms / 1000
+            fix.hour_s = fix.unix_s % 3600
+        elif fix.hour_s is not None and log.system_times:
+            _correct_leap_seconds(fix, log.system_times[max(0, at - 1)], newest)
+        before = newest.get(fix.source)
+        if before is None or _is_newer(before, fix):
+            if before is not None:
+                before.next_mono = fix.mono
+            newest[fix.source] = fix
+        else:
+            fix.out_of_order = True
+
+
+def _correct_leap_seconds(fix: Fix, system_time: tuple[float, float], newest: dict[str, Fix]) -> None:
+    """ArduPilot's native timestamp is GPS time: 18 s ahead of UTC."""
+    telemetry = newest.get("GLOBAL_POSITION_INT")
+    if telemetry is None or telemetry.unix_s is None:
+        return
+    ahead_s = (fix.hour_s - (telemetry.unix_s + fix.mono - telemetry.mono) + 1800) % 3600 - 1800
+    if 17 - 0.5 <= ahead_s <= 19 + 0.5:
+        fix.hour_s = (fix.hour_s - GPS_TO_UTC_S) % 3600
+
+
+def _is_newer(before: Fix, now: Fix) -> bool:
+    """Fresh means that the source's own time moved, not that a packet arrived."""
+    if now.boot_ms is not None and before.boot_ms is not None:
+        return now.boot_ms > before.boot_ms or now.boot_ms < before.boot_ms - REBOOT_MS
+    if now.hour_s is not None and before.hour_s is not None:
+        return 0 < (now.hour_s - before.hour_s) % 3600 < 1800
+    return True
