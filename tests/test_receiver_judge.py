@@ -8,7 +8,7 @@ import receiver_synthetic as air
 from receiver.conformance import Options, judge
 from receiver.flight_log import read_flight_log
 from receiver.set_log import read_set_log
-from receiver_synthetic import Faults, encode_fix, pack, service_data, transmit
+from receiver_synthetic import Faults, encode_fix, pack, transmit
 
 ALL = ("bt4", "bt5", "wifi")
 
@@ -276,7 +276,8 @@ def test_units_and_references_against_the_log(flight_log):
     cases = {"played.speed": dict(speed_m_s=29.2), "played.height": dict(height_m=96.0),
              "played.altitude": dict(geodetic_m=60.0), "played.direction": dict(direction_deg=270.0)}
     for kind, change in cases.items():
-        run, _ = transmit(channels=("wifi",), seconds=6, faults=Faults(location=lambda fix, t: encode_fix(fix, **change)))
+        run, _ = transmit(channels=("wifi",), seconds=6, faults=Faults(
+            location=lambda fix, t, change=change: encode_fix(fix, **change)))
         assert kind in kinds(run, log=flight_log), kind
     run, _ = transmit(channels=("wifi",), seconds=6, faults=Faults(
         location=lambda fix, t: encode_fix(fix, geodetic_m=fix["alt"] / 1000)))

@@ -65,17 +65,30 @@ def model(tmp_path):
     hci, link, link_ble, test = free_ports(4)
     with open(tmp_path / "model.log", "wb") as log:
         process = subprocess.Popen(
-            [str(binaries.get_package_binary_resource_path("rootcanal")), "-hci_port", str(hci), "-link_port", str(link),
-             "-link_ble_port", str(link_ble), "-test_port", str(test)], stdout=log, stderr=log)
-    yield hci
+            [str(binaries.get_package_binary_resource_path("rootcanal")), "-hci_port", str(hci), "-link_port",
+             str(link), "-link_ble_port", str(link_ble), "-test_port", str(test)], stdout=log, stderr=log)
+    yield process, hci
     process.kill()
     process.wait()
+
+
+def test_a_lost_controller_is_an_error_and_no_verdict(model):
+    process, port = model
+    Controller(port).command(0x0C03)  # the model is up
+    listener = subprocess.Popen([sys.executable, "-m", "receiver", "--hci", f"tcp-client:127.0.0.1:{port}", "--quiet"],
+                                env={**os.environ, "PYTHONPATH": str(TESTS)}, stderr=subprocess.PIPE, text=True)
+    time.sleep(2.0)
+    assert listener.poll() is None
+    process.kill()
+    assert "connection to the controller is lost" in listener.communicate(timeout=20)[1]
+    assert listener.returncode == 2
 
 
 def test_legacy_and_long_range_from_a_controller(model, tmp_path):
     """Two advertising sets, eight payloads a second: every one is heard, in order."""
     seconds = 5.0
-    controller = Controller(model)
+    _, port = model
+    controller = Controller(port)
     controller.command(0x0C03)
     address = bytes.fromhex(air.ADDRESS.replace(":", ""))[::-1]
     for handle, properties, primary, secondary, interval in ((0, 0x10, 1, 1, 0x20), (1, 0, 3, 3, 0xA0)):
@@ -86,7 +99,7 @@ def test_legacy_and_long_range_from_a_controller(model, tmp_path):
     legacy, long_range = air.Transmitter(air.Faults()), air.Transmitter(air.Faults())
     log = tmp_path / "set.jsonl"
     judge = subprocess.Popen(
-        [sys.executable, "-m", "receiver", "--hci", f"tcp-client:127.0.0.1:{model}", "--seconds", str(seconds),
+        [sys.executable, "-m", "receiver", "--hci", f"tcp-client:127.0.0.1:{port}", "--seconds", str(seconds),
          "--quiet", "--expect", "bt4,bt5", "--set-log", log, "--out", tmp_path / "out", "--address", air.ADDRESS],
         env={**os.environ, "PYTHONPATH": str(TESTS)}, stdout=subprocess.PIPE, text=True)
     start = time.monotonic()

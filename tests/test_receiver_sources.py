@@ -168,6 +168,11 @@ def test_bad_files_say_where(tmp_path):
     path.write_text('{"time": 1, "mono": 1, "type": "GLOBAL_POSITION_INT"}\n')
     with pytest.raises(InputError, match="x:1: not a played MAVLink message"):
         read_flight_log(path)
+    path.write_text('{"time": 1, "mono": 1, "type": 2}\n')
+    with pytest.raises(InputError, match="x:1: .*name is expected in mavpackettype"):
+        read_flight_log(path)
+    path.write_text('{"time": 1, "mono": 1, "mavpackettype": "ATTITUDE"}\n{"time": 2, "mo')
+    assert read_flight_log(path).fixes == []  # the second line is still being written
     path.write_text("{oops\n")
     with pytest.raises(InputError, match="x:1: not JSON"):
         read_flight_log(path)

@@ -44,6 +44,7 @@ def operator_id():
 class Controller:
     def __init__(self, port):
         self.socket = socket.create_connection(("127.0.0.1", port))
+        self.events = self.socket.makefile("rb")
         self.command(0x0C03, b"")
         self.command(0x2005, bytes([0x01, 0x02, 0x03, 0x04, 0x05, 0xC6]))
         self.command(0x2006, struct.pack("<HHBBB6sBB", INTERVAL_100_MS, INTERVAL_100_MS, 3, 1, 0,
@@ -51,7 +52,8 @@ class Controller:
 
     def command(self, opcode, parameters):
         self.socket.sendall(struct.pack("<BHB", 1, opcode, len(parameters)) + parameters)
-        event = self.socket.recv(260)
+        event = self.events.read(3)
+        event += self.events.read(event[2])
         if event[:2] != b"\x04\x0e" or event[6] != 0:
             sys.exit(f"the controller refused command 0x{opcode:04x}: {event.hex()}")
 
@@ -64,10 +66,10 @@ def run(port, seconds):
     """Returns the instants at which the model believes it sent a Location."""
     controller, counters, log = Controller(port), [0] * 6, []
     others = [(0, basic_id), (4, system), (5, operator_id), (3, self_id)]
-    start = time.monotonic()
-    location_due, other_due, tick, turn = start, start, start, 0
     controller.advertise(location(0), 0)
     controller.command(0x200A, b"\x01")
+    start = time.monotonic()
+    location_due, other_due, tick, turn = start, start, start, 0
     while tick < start + seconds:
         if tick >= location_due:
             counters[1] = counters[1] + 1 & 0xFF

@@ -1,229 +1,209 @@
-"""A model of hostapd: its control socket, and the beacons of its access point in a pcap file.
+"""A MODEL of hostapd: its control interface, scripted, and the beacons that would be on the air.
 
-It answers what the daemon asks (PING, STATUS, SET vendor_elements, UPDATE_BEACON) and adds a
-beacon to the file every 102.4 ms.  A line on standard input is an order, answered with a
-line: `fail N` (the next N SETs fail), `mute`, `unmute` (no answers), `disable`, `enable`
-(the interface: no beacons).  PYTHONPATH holds the folder tests.
+Speaks hostapd's protocol on a UNIX datagram socket (<dir>/<iface>): PING, STATUS, SET
+vendor_elements, UPDATE_BEACON. As hostapd does, it takes an element at SET and sends it from the
+next UPDATE_BEACON on. Each beacon (102.4 ms) goes into a growing pcap, a whole 802.11 frame behind
+a radiotap header, time stamped and flushed: that is what the judge hears. Nothing of it is real
+radio; hostapd itself is part of the system bench.
+
+Orders, one a line on standard input, each answered by "done" or "error: ...":
+  fail N              the next N SETs are answered FAIL
+  mute | unmute       requests are swallowed, beacons go on
+  disabled | enabled  STATUS says so; no beacon while disabled
+  delay MS            each answer comes this late
+  forget              drops the element, as a reconfigured hostapd does
 """
 
 import argparse
-import json
+import heapq
+import itertools
 import os
-import select
-import signal
+import selectors
 import socket
 import struct
 import sys
 import time
 from pathlib import Path
 
-from host.realtime import raise_process
-
-INTERVAL_TU = 100
-INTERVAL_S = INTERVAL_TU * 1024e-6
+BEACON_INTERVAL_TU = 100
+BEACON_INTERVAL_S = BEACON_INTERVAL_TU * 1024e-6
+REQUEST_MAX = 4096  # hostapd's CTRL_IFACE_MAX_LEN
+BSSID = bytes.fromhex("02524944f001")  # locally administered
+SSID = b"odid-bench"
 CHANNEL, FREQUENCY_MHZ = 6, 2437
-BSSID = bytes.fromhex("020d1d000001")
-SSID = b"remote-id"
-DLT_RADIOTAP = 127
-# Channel (2.4 GHz, CCK) and signal (-40 dBm) before each frame.
-RADIOTAP = struct.pack("<BBHIHHb", 0, 0, 13, 1 << 3 | 1 << 5, FREQUENCY_MHZ, 0x00a0, -40)
-PCAP_HEADER = struct.pack("<IHHiIII", 0xa1b2c3d4, 2, 4, 0, 0, 65535, DLT_RADIOTAP)
-CAPABILITIES = 0x0411  # ESS, privacy, short slots
-RATES = bytes((0x82, 0x84, 0x8b, 0x96, 0x0c, 0x12, 0x18, 0x24))
-# Version 1, group CCMP, one pairwise CCMP, one key management PSK, no capabilities.
+DLT_IEEE802_11_RADIO = 127
+
+ELEMENT_SSID, ELEMENT_RATES, ELEMENT_DS, ELEMENT_RSN = 0, 1, 3, 48
+# 1, 2, 5.5 and 11 Mbit/s as basic rates, 6 to 18 besides; units of 500 kbit/s.
+RATES = bytes([0x82, 0x84, 0x8B, 0x96, 12, 18, 24, 36])
+# WPA2: group and pairwise CCMP, key management by a pre-shared key.
 RSN = bytes.fromhex("0100" "000fac04" "0100" "000fac04" "0100" "000fac02" "0000")
+# ESS, privacy, short slot time.
+CAPABILITIES = 0x0411
+# Flags, rate and channel are present; no FCS, 1 Mbit/s, 2.4 GHz CCK.
+RADIOTAP = struct.pack("<BBHIBBHH", 0, 0, 14, 1 << 1 | 1 << 2 | 1 << 3, 0, 2, FREQUENCY_MHZ, 0x00A0)
 
 
-def element(number, value):
-    return bytes((number, len(value))) + value
+def element(number, body):
+    return bytes([number, len(body)]) + body
 
 
-def elements_add_up(octets):
-    """Whether each element's length leads to the next one, and the last one's to the end."""
-    at = 0
-    while at + 2 <= len(octets):
-        at += 2 + octets[at + 1]
-    return at == len(octets)
+def beacon(sequence, uptime_us, vendor_elements):
+    """One beacon frame, radiotap header included."""
+    header = struct.pack("<HH6s6s6sH", 0x0080, 0, b"\xff" * 6, BSSID, BSSID, (sequence & 0xFFF) << 4)
+    fixed = struct.pack("<QHH", uptime_us, BEACON_INTERVAL_TU, CAPABILITIES)
+    elements = (element(ELEMENT_SSID, SSID) + element(ELEMENT_RATES, RATES)
+                + element(ELEMENT_DS, bytes([CHANNEL])) + element(ELEMENT_RSN, RSN))
+    return RADIOTAP + header + fixed + elements + vendor_elements
 
 
-class Beacons:
-    """The pcap file that grows by a beacon at a time."""
+class Pcap:
+    """A growing capture; a started one is continued, as when hostapd restarts."""
 
     def __init__(self, path):
-        self._file = open(path, "wb", buffering=0)
-        self._file.write(PCAP_HEADER)
-        self._sequence = 0
-        self._began = time.monotonic()
+        self._file = open(path, "ab")
+        if self._file.tell() == 0:
+            self._file.write(struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535,
+                                         DLT_IEEE802_11_RADIO))
+            self._file.flush()
 
-    def write(self, vendor_elements):
+    def write(self, frame):
         now_us = time.time_ns() // 1000
-        packet = RADIOTAP + self._frame(vendor_elements)
-        header = struct.pack("<IIII", now_us // 1_000_000, now_us % 1_000_000, len(packet), len(packet))
-        self._file.write(header + packet)
-        self._sequence = (self._sequence + 1) % 4096
-
-    def _frame(self, vendor_elements):
-        header = struct.pack("<HH6s6s6sH", 0x0080, 0, b"\xff" * 6, BSSID, BSSID, self._sequence << 4)
-        timer_us = round((time.monotonic() - self._began) * 1e6)
-        fixed = struct.pack("<QHH", timer_us, INTERVAL_TU, CAPABILITIES)
-        traffic = bytes((self._sequence % 2, 2, 0, 0))  # DTIM count, period; no traffic
-        return header + fixed + (element(0, SSID) + element(1, RATES) + element(3, bytes((CHANNEL,)))
-                                 + element(5, traffic) + element(48, RSN) + vendor_elements)
-
-    def close(self):
-        self._file.close()
+        # In one piece: whoever follows the file mustn't see half a record.
+        self._file.write(struct.pack("<IIII", now_us // 1000000, now_us % 1000000, len(frame),
+                                     len(frame)) + frame)
+        self._file.flush()
 
 
 class Hostapd:
-    """The state behind the control socket."""
+    def __init__(self, folder, iface, pcap):
+        self.iface = iface
+        self.path = folder / iface
+        folder.mkdir(parents=True, exist_ok=True)
+        self.path.unlink(missing_ok=True)  # a killed one's
+        self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self.socket.bind(str(self.path))
+        os.chmod(self.path, 0o666)  # whatever user the daemon becomes
+        self.pcap = Pcap(pcap)
+        self.given, self.active = b"", b""  # by SET; by UPDATE_BEACON
+        self.fail, self.muted, self.enabled, self.delay_s = 0, False, True, 0.0
+        self.answers, self.number = [], itertools.count()  # due, number, text, address
+        self.orders = b""
 
-    def __init__(self, set_log=None):
-        self.enabled, self.muted, self.failures_due = True, False, 0
-        self.set_elements = self.active_elements = b""
-        self._set_log = set_log
+    # --- the control interface ----------------------------------------------
+
+    def status(self):
+        state = "ENABLED" if self.enabled else "DISABLED"
+        return (f"state={state}\nphy=phy0\nfreq={FREQUENCY_MHZ}\nnum_sta_non_erp=0\n"
+                f"channel={CHANNEL}\nbeacon_int={BEACON_INTERVAL_TU}\ndtim_period=2\n"
+                f"bss[0]={self.iface}\nbssid[0]={BSSID.hex(':')}\nssid[0]={SSID.decode()}\n"
+                f"num_sta[0]=0\n")
+
+    def set_elements(self, text):
+        if self.fail > 0:
+            self.fail -= 1
+            return "FAIL\n"
+        try:
+            self.given = bytes.fromhex(text)
+        except ValueError:
+            return "FAIL\n"
+        return "OK\n"
 
     def answer(self, request):
-        if request == "PING":
-            return "PONG\n"
-        if request == "STATUS":
-            state = "ENABLED" if self.enabled else "DISABLED"
-            return (f"state={state}\nphy=phy0\nfreq={FREQUENCY_MHZ}\nchannel={CHANNEL}\n"
-                    f"beacon_int={INTERVAL_TU}\nbssid[0]={BSSID.hex(':')}\nssid[0]={SSID.decode()}\n")
-        if request == "UPDATE_BEACON":
-            self._update()
-            return "OK\n"
-        if request.startswith("SET "):
-            return "OK\n" if self._set(*request[4:].partition(" ")[::2]) else "FAIL\n"
+        match request.split(" ", 2):
+            case ["PING"]:
+                return "PONG\n"
+            case ["STATUS"]:
+                return self.status()
+            case ["SET", "vendor_elements", text]:
+                return self.set_elements(text)
+            case ["SET", *_]:
+                return "FAIL\n"  # no other variable is modelled
+            case ["UPDATE_BEACON"]:
+                self.active = self.given
+                return "OK\n" if self.enabled else "FAIL\n"
         return "UNKNOWN COMMAND\n"
 
-    def _set(self, name, value):
-        if self.failures_due:
-            self.failures_due -= 1
-            return False
-        if name != "vendor_elements" or any(letter.isspace() for letter in value):
-            return False
-        try:
-            octets = bytes.fromhex(value)
-        except ValueError:
-            return False
-        if not elements_add_up(octets):
-            return False
-        self.set_elements = octets
-        return True
-
-    def _update(self):
-        self.active_elements = self.set_elements
-        if self._set_log and self.enabled:
-            record = {"time": time.time(), "mono": time.monotonic(), "opcode": "UPDATE_BEACON",
-                      "channel": "wifi", "data": self.active_elements.hex()}
-            self._set_log.write(json.dumps(record) + "\n")
-
-    def order(self, line):
-        """Follows an order; returns the line that answers it."""
-        words = line.split()
-        if len(words) == 2 and words[0] == "fail" and words[1].isdigit():
-            self.failures_due = int(words[1])
-        elif words in (["mute"], ["unmute"]):
-            self.muted = words == ["mute"]
-        elif words in (["disable"], ["enable"]):
-            self.enabled = words == ["enable"]
-        else:
-            return f"error: expected fail N, mute, unmute, disable or enable, not {line!r}"
-        return "done"
-
-
-class Control:
-    """The datagram socket DIR/IFACE."""
-
-    def __init__(self, folder, iface):
-        folder.mkdir(parents=True, exist_ok=True)
-        self._path = folder / iface
-        if self._path.is_socket():
-            self._path.unlink()  # stale
-        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-        self._socket.setblocking(False)
-        self._socket.bind(str(self._path))
-        self._inode = self._path.stat().st_ino
-
-    def fileno(self):
-        return self._socket.fileno()
-
-    def serve(self, hostapd):
-        octets, client = self._socket.recvfrom(8192)
-        if hostapd.muted:
+    def on_request(self):
+        request, sender = self.socket.recvfrom(REQUEST_MAX)
+        if self.muted or not sender:  # unbound: there is nowhere to answer to
             return
-        answer = hostapd.answer(octets.decode("ascii", "replace").rstrip("\n\0"))
-        if not client:
-            return  # it has no address to answer to
-        try:
-            self._socket.sendto(answer.encode(), client)
-        except (FileNotFoundError, ConnectionRefusedError, BlockingIOError) as error:
-            print(f"hostapd: an answer was lost: {error}", file=sys.stderr, flush=True)
+        text = self.answer(request.decode("ascii", "replace"))
+        heapq.heappush(self.answers, (time.monotonic() + self.delay_s, next(self.number), text,
+                                      sender))
 
-    def close(self):
-        self._socket.close()
-        if self._path.exists() and self._path.stat().st_ino == self._inode:
-            self._path.unlink()  # ours, not a successor's
+    def send_answers(self, now):
+        while self.answers and self.answers[0][0] <= now:
+            _, _, text, sender = heapq.heappop(self.answers)
+            try:
+                self.socket.sendto(text.encode(), sender)
+            except OSError as error:  # whoever asked has gone: hostapd goes on as well
+                print(f"no answer to {sender}: {error}", file=sys.stderr, flush=True)
 
+    # --- orders -------------------------------------------------------------
 
-class Orders:
-    """Lines on standard input, as far as there are any."""
+    def obey(self, words):
+        match words:
+            case ["fail", count]:
+                self.fail = int(count)
+            case ["mute"] | ["unmute"]:
+                self.muted = words[0] == "mute"
+            case ["disabled"] | ["enabled"]:
+                self.enabled = words[0] == "enabled"
+            case ["delay", delay_ms]:
+                self.delay_s = float(delay_ms) / 1000
+            case ["forget"]:
+                self.given = self.active = b""
+            case _:
+                raise ValueError(f"unknown order {' '.join(words)!r}")
 
-    def __init__(self):
-        self.open, self._rest = sys.stdin is not None, b""
-
-    def fileno(self):
-        return 0
-
-    def follow(self, hostapd):
-        octets = os.read(0, 4096)
-        self.open = bool(octets)
-        *lines, self._rest = (self._rest + octets).split(b"\n")
+    def on_order(self):
+        data = os.read(sys.stdin.fileno(), 4096)
+        if not data:
+            raise SystemExit(0)  # whoever started us is gone
+        *lines, self.orders = (self.orders + data).split(b"\n")
         for line in lines:
-            print(hostapd.order(line.decode(errors="replace")), flush=True)
+            try:
+                self.obey(line.decode().split())
+            except ValueError as error:
+                print(f"error: {error}", flush=True)
+            else:
+                print("done", flush=True)
 
+    # --- the air ------------------------------------------------------------
 
-def run(control, orders, hostapd, beacons):
-    """Answers, obeys and beacons at absolute deadlines, until an exception ends it."""
-    due = time.monotonic() + INTERVAL_S
-    while True:
-        sources = [control, orders] if orders.open else [control]
-        ready = select.select(sources, [], [], max(0.0, due - time.monotonic()))[0]
-        if time.monotonic() >= due:
-            if hostapd.enabled:
-                beacons.write(hostapd.active_elements)
-            due += INTERVAL_S * max(1, (time.monotonic() - due) // INTERVAL_S)
-        if control in ready:
-            control.serve(hostapd)
-        if orders in ready:
-            orders.follow(hostapd)
+    def run(self):
+        selector = selectors.DefaultSelector()
+        selector.register(self.socket, selectors.EVENT_READ, self.on_request)
+        selector.register(sys.stdin.fileno(), selectors.EVENT_READ, self.on_order)
+        start = due = time.monotonic()
+        sequence = 0
+        print("done", flush=True)
+        while True:
+            wake = min([due] + [answer[0] for answer in self.answers[:1]])
+            for key, _ in selector.select(max(0.0, wake - time.monotonic())):
+                key.data()
+            now = time.monotonic()
+            self.send_answers(now)
+            if now >= due:
+                due += BEACON_INTERVAL_S * (1 + (now - due) // BEACON_INTERVAL_S)
+                if self.enabled:
+                    sequence += 1
+                    self.pcap.write(beacon(sequence, int((now - start) * 1e6), self.active))
 
 
 def main():
-    parser = argparse.ArgumentParser(prog="hostapd.py", description=__doc__.splitlines()[0])
-    parser.add_argument("--dir", required=True, type=Path, help="the folder of the control socket")
-    parser.add_argument("--iface", default="wlan0", help="the interface: the control socket's name")
-    parser.add_argument("--pcap", required=True, metavar="FILE", help="where the beacons go")
-    parser.add_argument("--set-log", metavar="FILE", help="elements by the time they became active (JSON lines)")
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--dir", type=Path, required=True, help="where the control socket goes")
+    parser.add_argument("--iface", default="wlan0")
+    parser.add_argument("--pcap", type=Path, required=True, help="the beacons, as they go out")
     arguments = parser.parse_args()
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
-    control = beacons = set_log = None
-    if not raise_process(0):
-        print("hostapd: real-time priority is refused", file=sys.stderr, flush=True)
+    model = Hostapd(arguments.dir, arguments.iface, arguments.pcap)
     try:
-        set_log = open(arguments.set_log, "w", buffering=1) if arguments.set_log else None
-        beacons = Beacons(arguments.pcap)
-        control = Control(arguments.dir, arguments.iface)
-        run(control, Orders(), Hostapd(set_log), beacons)
+        model.run()
     except KeyboardInterrupt:
-        return 0
-    except OSError as error:
-        return f"hostapd: {error}"
-    finally:
-        for one in (control, beacons, set_log):
-            if one is not None:
-                one.close()
+        sys.exit(130)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -159,8 +159,8 @@ class Bench:
     def wait_on_air(self, channels=("bt4", "bt5", "wifi"), timeout_s=8):
         def on_air():
             status = self.status()
-            return status and all(status["channels"][one]["state"] == "on air" for one in channels)
-        wait_for(f"{', '.join(channels)} on air", on_air, timeout_s, self.daemon)
+            return status is not None and all(status["channels"][one]["state"] == "on air" for one in channels)
+        wait_for(f"{', '.join(channels) or 'the daemon'} on air", on_air, timeout_s, self.daemon)
 
     def play(self, flight, to=None, seconds=None, start=0):
         arguments = [flight, "--to", to or f"udp:127.0.0.1:{self.udp_port}", "--start", start,
@@ -168,7 +168,8 @@ class Bench:
                      "--answers", self.folder / "answers.jsonl"]
         if seconds:
             arguments += ["--seconds", seconds]
-        return self._add(Part(python("host.player", *arguments), self.folder / "player.log"))
+        return self._add(Part(python("host.player", *arguments), self.folder / "player.log", orders=True,
+                              raised=True))
 
     def judge(self, seconds, *arguments, quiet=True, out=None, show=False):
         """Starts the judge; its report goes to out (default: the folder)."""
@@ -181,7 +182,7 @@ class Bench:
             words.append("--quiet")
         if show:
             return subprocess.Popen([str(word) for word in words], env=environment(), cwd=ROOT)
-        return self._add(Part(words, self.folder / "judge.log"))
+        return self._add(Part(words, Path(f"{out or self.folder / 'judge'}.log")))
 
     def stop(self):
         for part in reversed(self.parts):

@@ -65,8 +65,10 @@ def _parser() -> argparse.ArgumentParser:
     add("--receptions", action="append", default=[], type=Path, metavar="FILE",
         help="judge a saved receptions.jsonl again")
     add("--seconds", type=float, metavar="N", help="how long to listen (live; default: until interrupted)")
-    add("--out", type=Path, metavar="DIR", help="write receptions.jsonl, run.json, report.txt, report.png, figures.json")
-    add("--address", action="append", default=[], type=_address, metavar="AA:..", help="listen to this transmitter only")
+    add("--out", type=Path, metavar="DIR",
+        help="write receptions.jsonl, run.json, report.txt, report.png, figures.json")
+    add("--address", action="append", default=[], type=_address, metavar="AA:..",
+        help="listen to this transmitter only")
     add("--played", type=Path, metavar="FILE", help="what was played to the transmitter (JSON lines)")
     add("--set-log", type=Path, metavar="FILE", help="advertising data that was set on the controller (JSON lines)")
     add("--title", default="Remote ID conformance report")
@@ -139,6 +141,8 @@ async def _listen_live(ear: Ear, arguments, screen: Screen | None) -> None:
         tasks += [asyncio.ensure_future(follow_pcap(ear, path)) for path in arguments.pcap]
     try:
         await _wait_ready(tasks, events, stop)
+        if not screen:
+            print("receiver: listening", file=sys.stderr, flush=True)
         start = time.monotonic()
         end = start + arguments.seconds if arguments.seconds is not None else None
         ear.saw(start)

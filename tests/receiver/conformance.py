@@ -131,8 +131,8 @@ def _check_addresses(run: Run, options: Options, findings: Findings) -> None:
         seen[reception.channel, reception.address] = reception.address
         before = first.setdefault(reception.channel, reception.address)
         if before != reception.address and reception.address not in options.addresses:
-            findings.violation("address.changed", reception, "another address on this channel: a receiver lists another "
-                               "aircraft (use --address when it is one)", before, reception.address)
+            findings.violation("address.changed", reception, "another address on this channel: a receiver lists "
+                               "another aircraft (use --address when it is one)", before, reception.address)
         if reception.address_type == "random" and int(reception.address[:2], 16) >> 6 != 3:
             findings.violation("address.private", reception, "a random address that is not static",
                                "two top bits 11", reception.address)

@@ -17,6 +17,8 @@ from .receptions import InputError, read_json_lines
 
 ARMED = 0x80  # MAV_MODE_FLAG_SAFETY_ARMED
 AUTOPILOT_INVALID = 8
+AUTOPILOT_COMPONENT = 1  # MAV_COMP_ID_AUTOPILOT1
+TRANSMITTER_COMPONENTS = range(236, 239)
 GPS_TO_UTC_S = 18
 COURSE_UNKNOWN_M_S = 0.3
 REBOOT_MS = 10000  # a boot time that falls by more is a restart, by less a message out of order
@@ -98,8 +100,12 @@ def read_flight_log(path: Path) -> FlightLog:
     offsets, armed = [], None
     for number, record in read_json_lines(path):
         try:
-            mono, name = float(record["mono"]), record.get("mavpackettype", record["type"])
+            mono, name = float(record["mono"]), record.get("mavpackettype") or record["type"]
             offsets.append(mono - float(record["time"]))
+            if not isinstance(name, str):
+                raise ValueError(f"the message's name is expected in mavpackettype or type, found {name!r}")
+            if not _from_this_autopilot(name, record):
+                continue
             if name == "HEARTBEAT" and record.get("autopilot", 0) != AUTOPILOT_INVALID:
                 log.heartbeats.append(mono)
                 now_armed = bool(record["base_mode"] & ARMED)
@@ -130,6 +136,15 @@ def read_flight_log(path: Path) -> FlightLog:
         rows.sort(key=lambda row: row.mono if isinstance(row, Fix) else row[0])
     _complete(log)
     return log
+
+
+def _from_this_autopilot(name: str, record: dict) -> bool:
+    """Telemetry counts from the autopilot's component only; native messages not from
+    another transmitter (components 236 to 238), nor about another aircraft."""
+    component = record.get("compid", AUTOPILOT_COMPONENT)
+    if name.startswith("OPEN_DRONE_ID_"):
+        return component not in TRANSMITTER_COMPONENTS and not any(record.get("id_or_mac") or ())
+    return component == AUTOPILOT_COMPONENT
 
 
 def _telemetry_fix(mono: float, record: dict) -> Fix:

@@ -86,19 +86,24 @@ def from_beacon(time_s: float, mono_s: float, heard: Beacon, keep: bool) -> Rece
 
 
 def read_json_lines(path: Path):
-    """Yields (line number, object); a line that isn't a JSON object is an error."""
+    """Yields (line number, object); a line that isn't a JSON object is an error, but
+    for an unfinished last one."""
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: not UTF-8 text at octet {error.start}") from error
-    for number, line in enumerate(text.splitlines(), 1):
+    lines = text.splitlines()
+    last_number = len(lines)
+    for number, line in enumerate(lines, 1):
         if not line.strip():
             continue
         try:
             record = json.loads(line)
         except json.JSONDecodeError as error:
+            if number == last_number and not text.endswith("\n"):
+                return  # its writer is still at work on it
             raise InputError(f"{path}:{number}: not JSON: {error.msg} at column {error.colno}") from error
         if not isinstance(record, dict):
             raise InputError(f"{path}:{number}: expected a JSON object, found {type(record).__name__}")

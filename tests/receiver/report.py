@@ -85,7 +85,9 @@ def _clock(unix_s: float, with_date: bool = False) -> str:
 def _when(violation: Violation, run: Run) -> str:
     into_s = (f" (+{violation.mono - run.start_mono:.3f} s)"
               if violation.mono is not None and run.start_mono is not None else "")
-    return (_clock(violation.time) if violation.time is not None else "--:--:--.---" if into_s else "whole run") + into_s
+    if violation.time is not None:
+        return _clock(violation.time) + into_s
+    return "--:--:--.---" + into_s if into_s else "whole run"
 
 
 def _violation_lines(judgement: Judgement, run: Run) -> list[str]:

@@ -227,8 +227,8 @@ async def listen_monitor(ear: Ear, interface: str, ready: asyncio.Event) -> None
         raw.bind((interface, everything))
         raw.setblocking(False)
     except OSError as error:
-        raise InputError(f"--monitor {interface}: {error.strerror}"
-                         + (" (root or CAP_NET_RAW is needed)" if isinstance(error, PermissionError) else "")) from error
+        hint = " (root or CAP_NET_RAW is needed)" if isinstance(error, PermissionError) else ""
+        raise InputError(f"--monitor {interface}: {error.strerror}{hint}") from error
     ear.run.sources.append(f"monitor interface {interface}")
     ready.set()
     loop = asyncio.get_running_loop()

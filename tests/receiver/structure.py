@@ -85,23 +85,29 @@ def _check_carrier(reception: Reception, findings: Findings) -> None:
                       "second (2nd)")
 
 
-def _looks_like_header(octet: int) -> bool:
-    return octet >> 4 <= 5 and octet & 0x0F <= PROTOCOL_VERSION
+def _looks_like_header(octet: int, versions=range(PROTOCOL_VERSION + 1)) -> bool:
+    return octet >> 4 <= 5 and octet & 0x0F in versions
 
 
 def _counter_is_missing(payload: bytes) -> bool:
-    """Does the message start where the counter belongs?  A pack shows it by its
-    size octet 25, a single message by its length, or by a type that can't be."""
+    """Does the message start where the counter belongs?
+
+    A pack shows it by its size octet 25.  A single message shows it by its length
+    (26 octets instead of 27) or, padded to the right length, by a type that can't
+    be; what is in the counter's place has to look like a header in both cases,
+    since a message may also be cut short or wrong behind a good counter.
+    """
     if len(payload) < 4:
         return False
-    if payload[1] >> 4 == 0xF and payload[2] == MESSAGE_OCTETS and payload[3] != MESSAGE_OCTETS:
-        return 1 <= payload[3] <= 9
+    if payload[1] >> 4 == 0xF and payload[2] == MESSAGE_OCTETS:
+        return payload[3] != MESSAGE_OCTETS
     if payload[2] >> 4 == 0xF and payload[3] == MESSAGE_OCTETS:
         return False
-    if not _looks_like_header(payload[1]):
-        return False
-    return len(payload) == 1 + MESSAGE_OCTETS or (
-        len(payload) == 2 + MESSAGE_OCTETS and payload[-1] == 0 and payload[2] >> 4 not in (0, 1, 2, 3, 4, 5, 0xF))
+    if len(payload) == 1 + MESSAGE_OCTETS:
+        return _looks_like_header(payload[1], (PROTOCOL_VERSION,)) or (
+            _looks_like_header(payload[1]) and not _looks_like_header(payload[2]))
+    return (len(payload) == 2 + MESSAGE_OCTETS and payload[-1] == 0
+            and _looks_like_header(payload[1], (PROTOCOL_VERSION,)) and payload[2] >> 4 > 5)
 
 
 def _check_pack(reception: Reception, body: bytes, messages: list[Message], findings: Findings) -> None:

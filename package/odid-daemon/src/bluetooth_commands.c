@@ -140,26 +140,18 @@ size_t bluetooth_extended_enable(const bool used[BLUETOOTH_SETS], uint8_t *out)
     return (size_t)(end - out);
 }
 
-static uint64_t hash(const char *text)
-{
-    uint64_t value = UINT64_C(14695981039346656037); /* FNV-1a */
-
-    for (; *text != '\0'; text++) {
-        value = (value ^ (uint8_t)*text) * UINT64_C(1099511628211);
-    }
-    return value;
-}
-
-void bluetooth_static_address(const char *boot_id, uint8_t address[6])
+bool bluetooth_static_address(const char *boot_id, uint8_t address[6])
 {
     const char *node = strrchr(boot_id, '-');
     unsigned long long value;
 
-    if (node == NULL || sscanf(node + 1, "%12llx", &value) != 1) {
-        value = hash(boot_id);
+    if (node == NULL || strspn(node + 1, "0123456789abcdefABCDEF") < 12 ||
+        sscanf(node + 1, "%12llx", &value) != 1) {
+        return false;
     }
     for (int i = 0; i < 6; i++) {
         address[i] = (uint8_t)(value >> (8 * i));
     }
-    address[5] |= 0xC0; /* random static, Vol 6 Part B 1.3.2.1 */
+    address[5] |= BLUETOOTH_STATIC;
+    return true;
 }

@@ -33,9 +33,16 @@ enum bluetooth_set { BLUETOOTH_LEGACY, BLUETOOTH_LONG_RANGE, BLUETOOTH_SETS };
 #define BLUETOOTH_INTERVAL_200_MS 0x0140
 
 /* Error codes, Vol 1 Part F. */
+#define BLUETOOTH_SUCCESS 0x00
 #define BLUETOOTH_UNKNOWN_COMMAND 0x01
+#define BLUETOOTH_MEMORY_EXCEEDED 0x07
 #define BLUETOOTH_DISALLOWED 0x0C
+#define BLUETOOTH_UNSUPPORTED 0x11
 #define BLUETOOTH_INVALID_PARAMETERS 0x12
+#define BLUETOOTH_PACKET_TOO_LONG 0x45
+
+/* The two top bits of a random static address, Vol 6 Part B 1.3.2.1. */
+#define BLUETOOTH_STATIC 0xC0
 
 /* Is this a command that changes what is advertised, or resets the controller? */
 bool bluetooth_changes_advertising(uint16_t opcode);
@@ -56,9 +63,9 @@ size_t bluetooth_extended_enable(const bool used[BLUETOOTH_SETS], uint8_t *out);
 /*
  * A random static address, little-endian: the same from power-on to power-off,
  * also over a restart of the daemon. boot_id: the kernel's
- * /proc/sys/kernel/random/boot_id, whose last 48 bits are random; other text
- * is hashed.
+ * /proc/sys/kernel/random/boot_id, a UUID whose last 48 bits are random.
+ * Returns false when it is none.
  */
-void bluetooth_static_address(const char *boot_id, uint8_t address[6]);
+bool bluetooth_static_address(const char *boot_id, uint8_t address[6]);
 
 #endif

@@ -114,7 +114,7 @@ const char *config_name_nearest(const char *name, const char *section)
             continue;
         }
         distance = edit_distance(name, candidate);
-        if (distance < best_distance && distance * 2 < strlen(candidate)) {
+        if (distance < best_distance && distance * 2 <= strlen(candidate)) {
             best = candidate;
             best_distance = distance;
         }

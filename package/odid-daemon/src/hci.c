@@ -19,12 +19,14 @@
 #define H4_ISO 0x05
 
 #define H4_BAUD 115200
+/* Reads in one go: whoever talks without end must not keep the loop from its deadlines. */
+#define READS_MAX 8
 
 static const char h4_prefix[] = "h4:";
 
 /* ---- names ---- */
 
-/* Splits "h4:/dev/ttyX@baud". Without a baud: 115200, and no flow control. */
+/* Splits "h4:/dev/ttyX@baud". Without a baud rate: 115200, and no flow control. */
 static bool parse_h4(const char *adapter, char path[108], unsigned *baud, bool *flow_control)
 {
     const char *rest = adapter + strlen(h4_prefix);
@@ -142,30 +144,40 @@ static bool take_byte(struct hci *hci, uint8_t byte, int64_t now_us)
     return true;
 }
 
+static void take(struct hci *hci, const uint8_t *bytes, size_t length, int64_t now_us)
+{
+    if (!hci->h4) {
+        deliver(hci, bytes, length, now_us); /* the kernel gives a packet a read */
+        return;
+    }
+    for (size_t i = 0; i < length && hci_is_open(hci); i++) {
+        if (!take_byte(hci, bytes[i], now_us)) {
+            lose(hci, -EPROTO, now_us); /* only a reset brings it back into step */
+        }
+    }
+}
+
 static void on_readable(void *context, uint32_t events, int64_t now_us)
 {
     struct hci *hci = context;
     uint8_t buffer[512];
     ssize_t length;
 
-    while ((length = read(hci->watch.fd, buffer, sizeof(buffer))) > 0) {
-        if (!hci->h4) {
-            deliver(hci, buffer, (size_t)length, now_us); /* a packet a read */
+    for (int reads = 0; reads < READS_MAX; reads++) {
+        length = read(hci->watch.fd, buffer, sizeof(buffer));
+        if (length < 0 && errno == EAGAIN) {
+            break;
         }
-        for (ssize_t i = 0; hci->h4 && hci_is_open(hci) && i < length; i++) {
-            if (!take_byte(hci, buffer[i], now_us)) {
-                lose(hci, -EPROTO, now_us);
-            }
+        if (length <= 0) {
+            lose(hci, length == 0 ? -EIO : -errno, now_us);
+            return;
         }
+        take(hci, buffer, (size_t)length, now_us);
         if (!hci_is_open(hci)) {
             return; /* closed by what it was told, or out of step */
         }
     }
-    if (length == 0) {
-        lose(hci, -EIO, now_us);
-    } else if (errno != EAGAIN && errno != EINTR) {
-        lose(hci, -errno, now_us);
-    } else if (events & (EPOLLHUP | EPOLLERR)) {
+    if (events & (EPOLLHUP | EPOLLERR)) {
         lose(hci, -EIO, now_us);
     }
 }

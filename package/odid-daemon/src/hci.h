@@ -1,7 +1,9 @@
 /*
  * A Bluetooth controller's command channel: HCI packets out, HCI events in.
  * Two transports: the kernel's raw HCI socket ("hci0"), and H4 on a serial
- * device or pty ("h4:/dev/ttyX[@baud]", Bluetooth Core Vol 4 Part A).
+ * device or pty ("h4:/dev/ttyX[@baud]", Bluetooth Core Vol 4 Part A). With a
+ * baud rate the port is a UART with RTS/CTS flow control, as that part asks
+ * for; without one it is a pty or a USB serial port, which has none.
  *
  * Raw socket, not the exclusive user channel: that one refuses a controller
  * that is up. It hears every event, those of foreign commands included.
@@ -36,9 +38,9 @@ struct hci {
 };
 
 /*
- * Opens "hciN" (unblocked and brought up by HCIDEVUP when it is down) or
- * "h4:...". Returns 0, or -errno: ENODEV, ENOENT not there (yet); ERFKILL
- * blocked; EBUSY, ETIMEDOUT being set up; EINVAL the name makes no sense.
+ * Opens "hciN" or "h4:...". Returns 0, or -errno: ENODEV, ENOENT not there
+ * (yet); ERFKILL blocked; EAGAIN it was down and is asked to power up: try
+ * again soon; EINVAL the name makes no sense.
  */
 int hci_open(struct hci *hci, const char *adapter, hci_event_fn *on_event, hci_lost_fn *on_lost,
              void *context);

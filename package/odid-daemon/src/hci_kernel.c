@@ -11,11 +11,17 @@
 #include <bluetooth/hci.h>
 #include <bluetooth/hci_lib.h>
 
-/* Linux's Bluetooth management protocol, doc/mgmt-api.txt in BlueZ: header and what we use. */
+/* Linux's Bluetooth management protocol, doc/mgmt-api.txt in BlueZ: what we use of it. */
 #define MGMT_SET_POWERED 0x0005
 #define MGMT_COMMAND_STATUS 0x0002
 #define MGMT_INVALID_INDEX 0x11
 #define MGMT_RFKILLED 0x12
+#define MGMT_PERMISSION_DENIED 0x14
+
+static unsigned get16(const uint8_t *bytes)
+{
+    return bytes[0] | (unsigned)bytes[1] << 8;
+}
 
 static int bound_socket(int dev_id, unsigned short channel)
 {
@@ -35,10 +41,31 @@ static int bound_socket(int dev_id, unsigned short channel)
     return fd;
 }
 
+/* What a reply says about our request, at its status byte; -EAGAIN: nothing bad. */
+static int refusal(const uint8_t *reply, size_t length)
+{
+    if (length < 9 || get16(reply) != MGMT_COMMAND_STATUS || get16(reply + 6) != MGMT_SET_POWERED) {
+        return -EAGAIN;
+    }
+    switch (reply[8]) {
+    case MGMT_INVALID_INDEX:
+        return -ENODEV;
+    case MGMT_RFKILLED:
+        return -ERFKILL;
+    case MGMT_PERMISSION_DENIED:
+        return -EPERM;
+    default:
+        return -EAGAIN; /* busy, most likely with just that */
+    }
+}
+
 /*
- * HCIDEVUP would wait in the kernel for as long as the controller takes, ten
- * seconds for a dead one, and the other radios with it. The management
- * interface only queues the work; what it refuses, it says at once.
+ * HCIDEVUP sets the controller up inside the call: a second for firmware, ten
+ * (HCI_INIT_TIMEOUT) for a dead chip, and the other radios would stand still
+ * with it. The management interface only queues that work; what it refuses, it
+ * says at once, and what comes of it is seen at the next try. Its price: the
+ * kernel ends a power-up with advertising commands of its own, which count as
+ * foreign ones if we were faster.
  */
 static int power_up(int dev_id)
 {
@@ -56,12 +83,7 @@ static int power_up(int dev_id)
         result = -errno;
     }
     while (result == -EAGAIN && (length = read(fd, reply, sizeof(reply))) > 0) {
-        if (length >= 9 && reply[0] == MGMT_COMMAND_STATUS && reply[6] == MGMT_SET_POWERED) {
-            result = reply[8] == MGMT_RFKILLED        ? -ERFKILL
-                     : reply[8] == MGMT_INVALID_INDEX ? -ENODEV
-                                                      : -EAGAIN;
-            break;
-        }
+        result = refusal(reply, (size_t)length);
     }
     close(fd);
     return result;

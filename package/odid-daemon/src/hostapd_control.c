@@ -9,6 +9,10 @@
 #include <unistd.h>
 
 #define REPLY_MAX 4096
+/* Datagrams read in one go: whoever talks without end must not keep the loop from its deadlines. */
+#define READS_MAX 16
+/* Names that our end takes in turn, so that few are left behind however often we are killed. */
+#define OWN_NAMES 16
 
 static void lose(struct hostapd_control *control, int error, int64_t now_us)
 {
@@ -24,12 +28,28 @@ static void on_timeout(void *context, int64_t now_us)
 void hostapd_control_init(struct hostapd_control *control, hostapd_reply_fn *on_reply,
                           hostapd_lost_fn *on_lost, void *context)
 {
-    memset(control, 0, sizeof(*control));
     control->watch.fd = -1;
+    control->waiting = false;
+    control->own_path[0] = '\0';
     control->on_reply = on_reply;
     control->on_lost = on_lost;
     control->context = context;
     loop_timer_init(&control->timeout, on_timeout, control);
+}
+
+static void take_datagram(struct hostapd_control *control, char *reply, size_t length,
+                          int64_t now_us)
+{
+    if ((length > 0 && reply[0] == '<') || !control->waiting) {
+        return; /* an event, or an answer, that nobody asked for */
+    }
+    while (length > 0 && reply[length - 1] == '\n') {
+        length--;
+    }
+    reply[length] = '\0';
+    control->waiting = false;
+    loop_arm(&control->timeout, LOOP_NEVER);
+    control->on_reply(control->context, reply, now_us);
 }
 
 static void on_readable(void *context, uint32_t events, int64_t now_us)
@@ -38,25 +58,18 @@ static void on_readable(void *context, uint32_t events, int64_t now_us)
     char reply[REPLY_MAX];
     ssize_t length;
 
-    while (control->watch.fd >= 0 &&
-           (length = recv(control->watch.fd, reply, sizeof(reply) - 1, 0)) >= 0) {
-        if (length > 0 && reply[0] == '<') {
-            continue; /* an event that nobody asked for */
+    for (int reads = 0; reads < READS_MAX && control->watch.fd >= 0; reads++) {
+        length = recv(control->watch.fd, reply, sizeof(reply) - 1, 0);
+        if (length < 0 && errno == EAGAIN) {
+            break;
         }
-        if (!control->waiting) {
-            continue; /* an answer to nothing */
+        if (length < 0) {
+            lose(control, -errno, now_us);
+            return;
         }
-        while (length > 0 && reply[length - 1] == '\n') {
-            length--;
-        }
-        reply[length] = '\0';
-        control->waiting = false;
-        loop_arm(&control->timeout, LOOP_NEVER);
-        control->on_reply(control->context, reply, now_us);
+        take_datagram(control, reply, (size_t)length, now_us);
     }
-    if (control->watch.fd >= 0 && errno != EAGAIN && errno != EINTR) {
-        lose(control, -errno, now_us);
-    } else if (control->watch.fd >= 0 && (events & (EPOLLHUP | EPOLLERR))) {
+    if (control->watch.fd >= 0 && (events & (EPOLLHUP | EPOLLERR))) {
         lose(control, -ECONNRESET, now_us);
     }
 }
@@ -82,10 +95,14 @@ static int connect_socket(int fd, const char *own_path, const char *hostapd_dir,
 int hostapd_control_open(struct hostapd_control *control, const char *hostapd_dir,
                          const char *iface, const char *run_dir)
 {
+    static unsigned opened;
+    unsigned name = ((unsigned)getpid() + opened++) % OWN_NAMES;
     int fd, length, result;
 
     hostapd_control_close(control);
-    length = snprintf(control->own_path, sizeof(control->own_path), "%s/hostapd", run_dir);
+    /* Another name each time: what a hostapd that hung answers too late is addressed to nobody,
+     * instead of being taken for the answer to what was asked since. */
+    length = snprintf(control->own_path, sizeof(control->own_path), "%s/hostapd-%u", run_dir, name);
     if (length < 0 || (size_t)length >= sizeof(control->own_path)) {
         return -ENAMETOOLONG;
     }

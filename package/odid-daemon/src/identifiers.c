@@ -256,6 +256,7 @@ bool identifiers_remove_secrets(char *text)
 
     for (size_t i = 0; text[i] != '\0'; i++) {
         char *rest, *end;
+        size_t left;
 
         if ((i > 0 && is_alphanumeric(text[i - 1])) || !is_number_in_text(text + i)) {
             continue;
@@ -268,7 +269,9 @@ bool identifiers_remove_secrets(char *text)
         while (is_alphanumeric(*end)) {
             end++;
         }
-        memmove(rest, end, strlen(end) + 1);
+        left = strlen(end);
+        memmove(rest, end, left);
+        explicit_bzero(rest + left, (size_t)(end - rest)); /* nor behind the new end */
         removed = true;
     }
     return removed;

@@ -29,7 +29,8 @@ static bool has_room(void)
     return size < 0 || ioctl(STDERR_FILENO, FIONREAD, &unread) < 0 || unread < size / 2;
 }
 
-__attribute__((format(printf, 2, 0))) static void line(const char *level, const char *format, va_list arguments)
+__attribute__((format(printf, 2, 0))) static void line(const char *level, const char *format,
+                                                       va_list arguments)
 {
     char text[LINE_MAX_BYTES];
     size_t length = (size_t)snprintf(text, sizeof(text), "%s: ", level);

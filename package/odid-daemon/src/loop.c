@@ -11,10 +11,10 @@
 
 static struct {
     int epoll, timer;
-    struct loop_timer *timers; /* every one that was ever initialised; few */
-    int64_t armed_us;          /* what the timerfd is set to */
-    int64_t round_us;          /* deadlines up to here fire in this round */
-    struct epoll_event *ready; /* this round's events, while they are handed out */
+    struct loop_timer *timers;            /* every one that was ever initialised; few */
+    int64_t armed_us;                     /* what the timerfd is set to */
+    int64_t round_us;                     /* deadlines up to here fire in this round */
+    struct epoll_event ready[EVENTS_MAX]; /* this round's events, until they are handed out */
     int ready_count;
     bool stopped;
 } self = {.epoll = -1, .timer = -1};
@@ -161,14 +161,13 @@ static void hand_out(void)
 
 int loop_run(void)
 {
-    struct epoll_event events[EVENTS_MAX];
     uint64_t expirations;
     int count;
 
     self.stopped = false;
     while (!self.stopped) {
         set_timerfd();
-        count = epoll_wait(self.epoll, events, EVENTS_MAX, -1);
+        count = epoll_wait(self.epoll, self.ready, EVENTS_MAX, -1);
         if (count < 0 && errno != EINTR) {
             return -errno;
         }
@@ -176,8 +175,7 @@ int loop_run(void)
         if (read(self.timer, &expirations, sizeof(expirations)) > 0) {
             self.armed_us = LOOP_NEVER;
         }
-        self.ready = events; /* a timer's call may unwatch as well */
-        self.ready_count = count > 0 ? count : 0;
+        self.ready_count = count > 0 ? count : 0; /* a timer's call may unwatch as well */
         run_timers();
         hand_out();
     }

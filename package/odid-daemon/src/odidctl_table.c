@@ -285,7 +285,11 @@ static void print_problems(FILE *out, struct json_object *status, bool colour)
         fprintf(out, "\n%sConfiguration%s\n", paint(colour, BOLD), paint(colour, PLAIN));
     }
     for (size_t i = 0; i < elements(sentences); i++) {
-        fprintf(out, "  %s\n", json_object_get_string(json_object_array_get_idx(sentences, i)));
+        struct json_object *sentence = json_object_array_get_idx(sentences, i);
+
+        if (json_object_is_type(sentence, json_type_string)) {
+            fprintf(out, "  %s\n", json_object_get_string(sentence));
+        }
     }
 }
 

@@ -76,7 +76,7 @@ void radio_accepted(struct radio *radio, enum channel channel, int64_t now_us)
 
 int64_t retry_next(struct retry *retry, int64_t now_us)
 {
-    static const int64_t waits_us[] = {250000, 500000, 1000000, 2000000};
+    static const int64_t waits_us[] = {250000, 500000, 1000000};
     unsigned last = sizeof(waits_us) / sizeof(waits_us[0]) - 1;
     int64_t wait_us = waits_us[retry->attempt < last ? retry->attempt : last];
 

@@ -47,7 +47,7 @@ void radio_enter(struct radio *radio, enum channel channel, enum radio_state sta
 /* A payload was taken: the channel is on air. */
 void radio_accepted(struct radio *radio, enum channel channel, int64_t now_us);
 
-/* Capped exponential retry: 250 ms, 500 ms, 1 s, then every 2 s. */
+/* Capped exponential retry: 250 ms, 500 ms, then every second. */
 struct retry {
     unsigned attempt;
 };

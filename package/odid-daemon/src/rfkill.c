@@ -15,8 +15,10 @@
 /* A soft block that is set again and again is undone this often at most. */
 #define UNBLOCK_EVERY_US 250000
 
+/* One radio's switch. The kernel never uses an index again: a dongle has a new one each time. */
 struct device {
     bool used;
+    uint32_t index;
     uint8_t type; /* RFKILL_TYPE_... */
     bool soft, hard, told;
     int64_t unblocked_us;
@@ -25,6 +27,7 @@ struct device {
 static struct {
     struct loop_watch watch;
     struct loop_timer timer;
+    const char *path;
     struct device devices[DEVICES_MAX];
 } self = {.watch.fd = -1};
 
@@ -33,17 +36,10 @@ static const char *type_name(uint8_t type)
     return type == RFKILL_TYPE_WLAN ? "Wi-Fi" : "Bluetooth";
 }
 
-static bool is_ours(const struct device *device)
+static void unblock(struct device *device, int64_t now_us)
 {
-    return device->used &&
-           (device->type == RFKILL_TYPE_WLAN || device->type == RFKILL_TYPE_BLUETOOTH);
-}
-
-static void unblock(uint32_t index, int64_t now_us)
-{
-    struct device *device = &self.devices[index];
-    struct rfkill_event event = {
-        .idx = index, .type = device->type, .op = RFKILL_OP_CHANGE, .soft = 0};
+    const struct rfkill_event event = {
+        .idx = device->index, .type = device->type, .op = RFKILL_OP_CHANGE, .soft = 0};
 
     if (now_us - device->unblocked_us < UNBLOCK_EVERY_US) {
         loop_arm(&self.timer, device->unblocked_us + UNBLOCK_EVERY_US);
@@ -66,31 +62,46 @@ static void tell(struct device *device)
     device->told = device->soft || device->hard;
 }
 
+/* The device with this index, or a free place for it; NULL when there is none. */
+static struct device *find(uint32_t index)
+{
+    struct device *place = NULL;
+
+    for (unsigned i = 0; i < DEVICES_MAX; i++) {
+        struct device *device = &self.devices[i];
+
+        if (device->used && device->index == index) {
+            return device;
+        }
+        if (!device->used && place == NULL) {
+            place = device;
+        }
+    }
+    return place;
+}
+
 static void take_event(const struct rfkill_event *event, int64_t now_us)
 {
-    struct device *device;
+    struct device *device = find(event->idx);
 
-    if (event->idx >= DEVICES_MAX) {
+    if (device == NULL ||
+        (event->type != RFKILL_TYPE_WLAN && event->type != RFKILL_TYPE_BLUETOOTH)) {
         return;
     }
-    device = &self.devices[event->idx];
     if (event->op == RFKILL_OP_DEL) {
-        memset(device, 0, sizeof(*device));
+        device->used = false;
         return;
     }
-    if (event->op == RFKILL_OP_ADD) {
-        memset(device, 0, sizeof(*device));
-        device->unblocked_us = INT64_MIN / 2;
+    if (!device->used) {
+        *device = (struct device){
+            .used = true, .index = event->idx, .unblocked_us = now_us - UNBLOCK_EVERY_US};
     }
-    device->used = true;
     device->type = event->type;
     device->soft = event->soft != 0;
     device->hard = event->hard != 0;
-    if (is_ours(device)) {
-        tell(device);
-        if (device->soft) {
-            unblock(event->idx, now_us);
-        }
+    tell(device);
+    if (device->soft) {
+        unblock(device, now_us);
     }
 }
 
@@ -105,18 +116,19 @@ static void on_readable(void *context, uint32_t events, int64_t now_us)
     while ((length = read(self.watch.fd, &event, sizeof(event))) >= (ssize_t)RFKILL_EVENT_SIZE_V1) {
         take_event(&event, now_us);
     }
-    if (length == 0 || (length < 0 && errno != EAGAIN && errno != EINTR)) {
+    if (length >= 0 || (errno != EAGAIN && errno != EINTR)) { /* the end, or no rfkill events */
         int fd = self.watch.fd;
 
         loop_unwatch(&self.watch);
         close(fd);
+        memset(self.devices, 0, sizeof(self.devices)); /* told anew after opening */
         loop_arm(&self.timer, now_us + OPEN_AGAIN_US);
     }
 }
 
 static void open_device(int64_t now_us)
 {
-    int fd = open("/dev/rfkill", O_RDWR | O_NONBLOCK | O_CLOEXEC);
+    int fd = open(self.path, O_RDWR | O_NONBLOCK | O_CLOEXEC);
 
     if (fd < 0 || loop_watch(&self.watch, fd, EPOLLIN, on_readable, NULL) < 0) {
         if (fd >= 0) {
@@ -133,17 +145,23 @@ static void on_timer(void *context, int64_t now_us)
         open_device(now_us);
         return;
     }
-    for (uint32_t i = 0; i < DEVICES_MAX; i++) {
-        if (is_ours(&self.devices[i]) && self.devices[i].soft) {
-            unblock(i, now_us);
+    for (unsigned i = 0; i < DEVICES_MAX; i++) {
+        if (self.devices[i].used && self.devices[i].soft) {
+            unblock(&self.devices[i], now_us);
         }
     }
 }
 
-void rfkill_start(int64_t now_us)
+void rfkill_start_at(const char *path, int64_t now_us)
 {
+    self.path = path;
     loop_timer_init(&self.timer, on_timer, NULL);
     open_device(now_us);
+}
+
+void rfkill_start(int64_t now_us)
+{
+    rfkill_start_at("/dev/rfkill", now_us);
 }
 
 bool rfkill_blocked(enum rfkill_radio radio, bool *hard)

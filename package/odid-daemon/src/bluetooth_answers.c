@@ -1,0 +1,276 @@
+#include <stdio.h>
+#include <string.h>
+
+#include "bluetooth_adapter.h"
+#include "log.h"
+
+#define LOG_REPAIR_EVERY_US 10000000
+
+/* Events, Bluetooth Core Vol 4 Part E 7.7. */
+#define EVENT_COMMAND_COMPLETE 0x0E
+#define EVENT_COMMAND_STATUS 0x0F
+#define EVENT_HARDWARE_ERROR 0x10
+
+/* LE features, Vol 6 Part B 4.6, by byte and bit. */
+#define FEATURE_CODED_PHY(features) ((features)[1] >> 3 & 1)
+#define FEATURE_EXTENDED_ADVERTISING(features) ((features)[1] >> 4 & 1)
+#define FEATURE_CODING_SELECTION(features) ((features)[5] & 1)
+#define FEATURES_SIZE 8
+
+/* A command's end: the return parameters behind the status. */
+struct answer {
+    uint16_t opcode;
+    uint8_t status;
+    const uint8_t *rest;
+    size_t length;
+};
+
+/* ---- the set-up's answers ---- */
+
+static void refused(struct bluetooth_adapter *adapter, const struct answer *answer, int64_t now_us)
+{
+    char detail[RADIO_DETAIL_SIZE];
+
+    snprintf(detail, sizeof(detail), "%s refused command 0x%04x with status 0x%02x", adapter->name,
+             answer->opcode, answer->status);
+    adapter->reset_first = true;
+    bluetooth_failed(adapter, detail, now_us);
+}
+
+static void take_features(struct bluetooth_adapter *adapter, const uint8_t *features,
+                          int64_t now_us)
+{
+    struct bluetooth_advertising *legacy = &adapter->sets[BLUETOOTH_LEGACY];
+    struct bluetooth_advertising *long_range = &adapter->sets[BLUETOOTH_LONG_RANGE];
+
+    adapter->extended = FEATURE_EXTENDED_ADVERTISING(features);
+    adapter->coding_selection = FEATURE_CODING_SELECTION(features);
+    legacy->possible = legacy->radio != NULL;
+    long_range->possible =
+        long_range->radio != NULL && adapter->extended && FEATURE_CODED_PHY(features);
+    if (long_range->radio == NULL) {
+        return;
+    }
+    if (!long_range->possible) {
+        radio_enter(long_range->radio, long_range->channel, RADIO_UNSUPPORTED,
+                    "this controller has no extended advertising on Coded PHY", now_us);
+    } else if (long_range->radio->state == RADIO_UNSUPPORTED) {
+        radio_enter(long_range->radio, long_range->channel, RADIO_STARTING, adapter->name, now_us);
+    }
+}
+
+/* Says that a controller isn't able, rather than that it isn't in the mood. */
+static bool is_inability(uint8_t status)
+{
+    return status == BLUETOOTH_UNKNOWN_COMMAND || status == BLUETOOTH_MEMORY_EXCEEDED ||
+           status == BLUETOOTH_UNSUPPORTED || status == BLUETOOTH_INVALID_PARAMETERS ||
+           status == BLUETOOTH_PACKET_TOO_LONG;
+}
+
+/* Legacy goes on the air without long range rather than neither. */
+static bool give_up_long_range(struct bluetooth_adapter *adapter, const struct answer *answer,
+                               int64_t now_us)
+{
+    struct bluetooth_advertising *long_range = &adapter->sets[BLUETOOTH_LONG_RANGE];
+    char detail[RADIO_DETAIL_SIZE];
+
+    if (adapter->step < STEP_LONG_RANGE_PARAMETERS || !long_range->possible ||
+        !adapter->sets[BLUETOOTH_LEGACY].possible) {
+        return false;
+    }
+    snprintf(detail, sizeof(detail), "%s refused command 0x%04x with status 0x%02x", adapter->name,
+             answer->opcode, answer->status);
+    long_range->possible = false;
+    radio_enter(long_range->radio, long_range->channel, RADIO_UNSUPPORTED, detail, now_us);
+    return true;
+}
+
+/* Asks for less after a refusal. Returns false when there is nothing less. */
+static bool ask_for_less(struct bluetooth_adapter *adapter, const struct answer *answer,
+                         int64_t now_us)
+{
+    if (!is_inability(answer->status)) {
+        return false;
+    }
+    if (adapter->step == STEP_LEGACY_PARAMETERS && !adapter->slow) {
+        adapter->slow = true; /* before Bluetooth 5.0, 100 ms is the shortest interval */
+        return true;
+    }
+    if (adapter->step == STEP_LONG_RANGE_PARAMETERS && adapter->coding_selection) {
+        adapter->coding_selection = false;
+        return true;
+    }
+    return give_up_long_range(adapter, answer, now_us);
+}
+
+static void come_on_air(struct bluetooth_adapter *adapter, int64_t now_us)
+{
+    char detail[RADIO_DETAIL_SIZE];
+
+    retry_reset(&adapter->retry);
+    adapter->reset_first = false;
+    for (enum bluetooth_set i = 0; i < BLUETOOTH_SETS; i++) {
+        const struct bluetooth_advertising *set = &adapter->sets[i];
+
+        if (!set->possible) {
+            continue;
+        }
+        if (i == BLUETOOTH_LEGACY) {
+            snprintf(detail, sizeof(detail), "%s, every %d ms", adapter->name,
+                     adapter->slow ? 100 : 20);
+        } else {
+            snprintf(detail, sizeof(detail), "%s, Coded PHY%s, every 200 ms", adapter->name,
+                     adapter->coding_selection ? " S=8 requested" : "");
+        }
+        radio_enter(set->radio, set->channel, RADIO_ON_AIR, detail, now_us);
+        radio_accepted(set->radio, set->channel, now_us);
+    }
+}
+
+static void take_step_answer(struct bluetooth_adapter *adapter, const struct answer *answer,
+                             int64_t now_us)
+{
+    if (answer->status != BLUETOOTH_SUCCESS) {
+        /* Nothing to disable, no sets to clear: as good as done. */
+        if (adapter->step == STEP_DISABLE || adapter->step == STEP_CLEAR) {
+            adapter->step++;
+        } else if (!ask_for_less(adapter, answer, now_us)) {
+            refused(adapter, answer, now_us);
+        }
+        return;
+    }
+    if (adapter->step == STEP_FEATURES) {
+        if (answer->length < FEATURES_SIZE) {
+            refused(adapter, answer, now_us);
+            return;
+        }
+        take_features(adapter, answer->rest, now_us);
+    } else if (adapter->step == STEP_ENABLE) {
+        come_on_air(adapter, now_us);
+    }
+    adapter->step++;
+}
+
+/* ---- on air ---- */
+
+static void set_up_again(struct bluetooth_adapter *adapter, const char *why,
+                         const struct answer *answer, int64_t now_us)
+{
+    adapter->repair = true;
+    if (now_us - adapter->repair_logged_us >= LOG_REPAIR_EVERY_US) {
+        adapter->repair_logged_us = now_us;
+        log_warning("%s: %s (command 0x%04x, status 0x%02x): advertising is set up again",
+                    adapter->name, why, answer->opcode, answer->status);
+    }
+}
+
+/* On air nothing but data is sent. */
+static void take_data_answer(struct bluetooth_adapter *adapter, const struct answer *answer,
+                             int64_t now_us)
+{
+    const struct bluetooth_advertising *set = &adapter->sets[adapter->sending];
+
+    if (answer->status != BLUETOOTH_SUCCESS) {
+        set->radio->failures++;
+        set_up_again(adapter, "new data was refused", answer, now_us);
+        return;
+    }
+    radio_accepted(set->radio, set->channel, now_us);
+}
+
+/*
+ * The end of a command that isn't ours. Before our own set-up began it is the
+ * kernel's, which brings the controller up, or a late one of before a time-out.
+ */
+static void take_foreign(struct bluetooth_adapter *adapter, const struct answer *answer,
+                         int64_t now_us)
+{
+    if (adapter->step <= STEP_FEATURES || answer->status != BLUETOOTH_SUCCESS ||
+        !bluetooth_changes_advertising(answer->opcode)) {
+        return;
+    }
+    for (int i = 0; i < BLUETOOTH_SETS; i++) {
+        if (adapter->sets[i].possible) {
+            adapter->sets[i].radio->repairs++;
+        }
+    }
+    set_up_again(adapter, "another program interfered", answer, now_us);
+}
+
+/* ---- events ---- */
+
+static void take_answer(struct bluetooth_adapter *adapter, const struct answer *answer,
+                        int64_t now_us)
+{
+    if (answer->opcode == adapter->awaited) {
+        adapter->awaited = 0;
+        if (adapter->step == STEP_ON_AIR) {
+            take_data_answer(adapter, answer, now_us);
+        } else {
+            take_step_answer(adapter, answer, now_us);
+        }
+    } else {
+        take_foreign(adapter, answer, now_us);
+    }
+}
+
+/*
+ * Both events begin or end with the number of commands that the controller
+ * takes at the moment (Vol 4 Part E 4.4). Behind the kernel's back that number
+ * is the kernel's business.
+ */
+static void take_room(struct bluetooth_adapter *adapter, uint8_t commands, int64_t now_us)
+{
+    adapter->full = adapter->hci.h4 && commands == 0;
+    if (hci_is_open(&adapter->hci) && adapter->awaited == 0) {
+        loop_arm(&adapter->timer, adapter->full ? now_us + BLUETOOTH_ANSWER_US : LOOP_NEVER);
+    }
+}
+
+static void take_command_complete(struct bluetooth_adapter *adapter, const uint8_t *parameters,
+                                  size_t length, int64_t now_us)
+{
+    const struct answer answer = {
+        .opcode = (uint16_t)(parameters[1] | parameters[2] << 8),
+        .status = length > 3 ? parameters[3] : BLUETOOTH_SUCCESS,
+        .rest = parameters + (length > 3 ? 4 : 3),
+        .length = length > 3 ? length - 4 : 0,
+    };
+
+    if (answer.opcode != 0) { /* else it only tells the room */
+        take_answer(adapter, &answer, now_us);
+    }
+    take_room(adapter, parameters[0], now_us);
+}
+
+static void take_command_status(struct bluetooth_adapter *adapter, const uint8_t *parameters,
+                                int64_t now_us)
+{
+    const struct answer answer = {
+        .opcode = (uint16_t)(parameters[2] | parameters[3] << 8),
+        .status = parameters[0],
+    };
+
+    if (answer.opcode != 0 && answer.status != BLUETOOTH_SUCCESS) { /* else its end is to come */
+        take_answer(adapter, &answer, now_us);
+    }
+    take_room(adapter, parameters[1], now_us);
+}
+
+void bluetooth_event(void *context, uint8_t code, const uint8_t *parameters, size_t length,
+                     int64_t now_us)
+{
+    struct bluetooth_adapter *adapter = context;
+    char detail[RADIO_DETAIL_SIZE];
+
+    if (code == EVENT_COMMAND_COMPLETE && length >= 3) {
+        take_command_complete(adapter, parameters, length, now_us);
+    } else if (code == EVENT_COMMAND_STATUS && length >= 4) {
+        take_command_status(adapter, parameters, now_us);
+    } else if (code == EVENT_HARDWARE_ERROR) {
+        snprintf(detail, sizeof(detail), "%s reports hardware error 0x%02x", adapter->name,
+                 length > 0 ? parameters[0] : 0);
+        bluetooth_failed(adapter, detail, now_us);
+    }
+    bluetooth_advance(adapter, now_us);
+}

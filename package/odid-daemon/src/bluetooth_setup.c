@@ -1,0 +1,208 @@
+#include "bluetooth_adapter.h"
+
+/* ---- commands ---- */
+
+static void command(struct bluetooth_adapter *adapter, uint16_t opcode, const uint8_t *parameters,
+                    size_t length, int64_t now_us)
+{
+    int result = hci_command(&adapter->hci, opcode, parameters, (uint8_t)length);
+
+    if (result < 0) {
+        bluetooth_lost(adapter, result, now_us);
+        return;
+    }
+    adapter->awaited = opcode;
+    loop_arm(&adapter->timer, now_us + BLUETOOTH_ANSWER_US);
+}
+
+static void send_parameters(struct bluetooth_adapter *adapter, enum bluetooth_set set,
+                            int64_t now_us)
+{
+    uint8_t out[HCI_PARAMETERS_MAX];
+    uint16_t interval = adapter->slow ? BLUETOOTH_INTERVAL_100_MS : BLUETOOTH_INTERVAL_20_MS;
+
+    /* A pack takes some 17 ms on the air at S=8, on a radio shared with the legacy set: every
+     * 200 ms leaves that its time, and is five times what the rules ask. */
+    if (set == BLUETOOTH_LONG_RANGE) {
+        interval = BLUETOOTH_INTERVAL_200_MS;
+    }
+    if (!adapter->extended) {
+        command(adapter, BLUETOOTH_SET_PARAMETERS, out, bluetooth_parameters(interval, out),
+                now_us);
+    } else if (set == BLUETOOTH_LONG_RANGE && adapter->coding_selection) {
+        command(adapter, BLUETOOTH_SET_EXTENDED_PARAMETERS_V2, out,
+                bluetooth_extended_parameters_v2(set, interval, out), now_us);
+    } else {
+        command(adapter, BLUETOOTH_SET_EXTENDED_PARAMETERS, out,
+                bluetooth_extended_parameters(set, interval, out), now_us);
+    }
+}
+
+static void send_address(struct bluetooth_adapter *adapter, enum bluetooth_set set, int64_t now_us)
+{
+    uint8_t out[HCI_PARAMETERS_MAX];
+
+    if (adapter->extended) {
+        command(adapter, BLUETOOTH_SET_EXTENDED_ADDRESS, out,
+                bluetooth_extended_address(set, adapter->address, out), now_us);
+    } else {
+        command(adapter, BLUETOOTH_SET_ADDRESS, adapter->address, 6, now_us);
+    }
+}
+
+static void send_data(struct bluetooth_adapter *adapter, enum bluetooth_set which, int64_t now_us)
+{
+    uint8_t out[HCI_PARAMETERS_MAX];
+    struct bluetooth_advertising *set = &adapter->sets[which];
+
+    set->pending = false;
+    adapter->sending = which;
+    if (adapter->extended) {
+        command(adapter, BLUETOOTH_SET_EXTENDED_DATA, out,
+                bluetooth_extended_data(which, set->payload, set->length, out), now_us);
+    } else {
+        command(adapter, BLUETOOTH_SET_DATA, out, bluetooth_data(set->payload, set->length, out),
+                now_us);
+    }
+}
+
+static void send_enable(struct bluetooth_adapter *adapter, bool on, int64_t now_us)
+{
+    uint8_t out[HCI_PARAMETERS_MAX];
+    const bool used[BLUETOOTH_SETS] = {on && adapter->sets[BLUETOOTH_LEGACY].possible,
+                                       on && adapter->sets[BLUETOOTH_LONG_RANGE].possible};
+
+    if (adapter->extended) {
+        command(adapter, BLUETOOTH_SET_EXTENDED_ENABLE, out, bluetooth_extended_enable(used, out),
+                now_us);
+    } else {
+        out[0] = on;
+        command(adapter, BLUETOOTH_SET_ENABLE, out, 1, now_us);
+    }
+}
+
+/* ---- their order ---- */
+
+/* Does this controller need this step? */
+static bool needed(const struct bluetooth_adapter *adapter, enum bluetooth_step step)
+{
+    switch (step) {
+    case STEP_RESET:
+        /* The kernel resets what it brings up. But a controller that was used in the other one
+         * of the two ways to advertise refuses ours until it is reset. */
+        return adapter->hci.h4 || adapter->reset_first;
+    case STEP_CLEAR:
+        return adapter->extended;
+    case STEP_LEGACY_PARAMETERS:
+    case STEP_LEGACY_ADDRESS:
+    case STEP_LEGACY_DATA:
+        return adapter->sets[BLUETOOTH_LEGACY].possible;
+    case STEP_LONG_RANGE_PARAMETERS:
+    case STEP_LONG_RANGE_ADDRESS:
+    case STEP_LONG_RANGE_DATA:
+        return adapter->sets[BLUETOOTH_LONG_RANGE].possible;
+    default:
+        return true;
+    }
+}
+
+/* Advertising nothing would be worse than waiting for the first payload. */
+static bool has_payload(const struct bluetooth_adapter *adapter)
+{
+    return (adapter->step != STEP_LEGACY_DATA || adapter->sets[BLUETOOTH_LEGACY].length > 0) &&
+           (adapter->step != STEP_LONG_RANGE_DATA ||
+            adapter->sets[BLUETOOTH_LONG_RANGE].length > 0);
+}
+
+static void send_step(struct bluetooth_adapter *adapter, int64_t now_us)
+{
+    switch (adapter->step) {
+    case STEP_RESET:
+        command(adapter, BLUETOOTH_RESET, NULL, 0, now_us);
+        break;
+    case STEP_FEATURES:
+        command(adapter, BLUETOOTH_READ_FEATURES, NULL, 0, now_us);
+        break;
+    case STEP_DISABLE:
+        send_enable(adapter, false, now_us);
+        break;
+    case STEP_CLEAR:
+        command(adapter, BLUETOOTH_CLEAR_SETS, NULL, 0, now_us);
+        break;
+    case STEP_LEGACY_PARAMETERS:
+        send_parameters(adapter, BLUETOOTH_LEGACY, now_us);
+        break;
+    case STEP_LEGACY_ADDRESS:
+        send_address(adapter, BLUETOOTH_LEGACY, now_us);
+        break;
+    case STEP_LEGACY_DATA:
+        send_data(adapter, BLUETOOTH_LEGACY, now_us);
+        break;
+    case STEP_LONG_RANGE_PARAMETERS:
+        send_parameters(adapter, BLUETOOTH_LONG_RANGE, now_us);
+        break;
+    case STEP_LONG_RANGE_ADDRESS:
+        send_address(adapter, BLUETOOTH_LONG_RANGE, now_us);
+        break;
+    case STEP_LONG_RANGE_DATA:
+        send_data(adapter, BLUETOOTH_LONG_RANGE, now_us);
+        break;
+    case STEP_ENABLE:
+        send_enable(adapter, true, now_us);
+        break;
+    case STEP_ON_AIR:
+        break;
+    }
+}
+
+static void send_newest(struct bluetooth_adapter *adapter, int64_t now_us)
+{
+    for (enum bluetooth_set set = 0; set < BLUETOOTH_SETS; set++) {
+        if (adapter->sets[set].possible && adapter->sets[set].pending) {
+            send_data(adapter, set, now_us);
+            return;
+        }
+    }
+}
+
+/* Begins the set-up again when that is asked for. Too early, it is put off. */
+static void begin_repair(struct bluetooth_adapter *adapter, int64_t now_us)
+{
+    if (!adapter->repair) {
+        return;
+    }
+    if (now_us < adapter->repair_from_us) {
+        loop_arm(&adapter->timer, adapter->repair_from_us);
+        return;
+    }
+    adapter->repair = false;
+    adapter->repair_from_us = now_us + BLUETOOTH_REPAIR_EVERY_US;
+    adapter->step = STEP_DISABLE;
+}
+
+void bluetooth_advance(struct bluetooth_adapter *adapter, int64_t now_us)
+{
+    if (!hci_is_open(&adapter->hci) || adapter->awaited != 0 || adapter->full) {
+        return;
+    }
+    begin_repair(adapter, now_us);
+    while (adapter->step < STEP_ON_AIR && !needed(adapter, adapter->step)) {
+        adapter->step++;
+    }
+    if (adapter->step > STEP_FEATURES && !adapter->sets[BLUETOOTH_LEGACY].possible &&
+        !adapter->sets[BLUETOOTH_LONG_RANGE].possible) {
+        return; /* nothing of what is wanted can be done here */
+    }
+    if (adapter->step == STEP_ON_AIR) {
+        send_newest(adapter, now_us);
+    } else if (has_payload(adapter)) {
+        send_step(adapter, now_us);
+    }
+}
+
+void bluetooth_silence(struct bluetooth_adapter *adapter, int64_t now_us)
+{
+    if (hci_is_open(&adapter->hci) && adapter->step > STEP_FEATURES) {
+        send_enable(adapter, false, now_us);
+    }
+}

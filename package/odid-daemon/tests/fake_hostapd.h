@@ -1,0 +1,135 @@
+/* hostapd's control socket, played in the test's own event loop. */
+#ifndef ODID_TESTS_FAKE_HOSTAPD_H
+#define ODID_TESTS_FAKE_HOSTAPD_H
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/epoll.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include "loop.h"
+
+struct fake_hostapd {
+    struct loop_watch watch;
+    char directory[32], path[108]; /* where the control socket is */
+    struct sockaddr_un client;
+    socklen_t client_size;
+    bool hangs, talks; /* no replies; events before each reply */
+    bool disabled;
+    const char *set_reply, *update_reply;
+    char configured[1024], beacon[1024]; /* vendor elements, as hexadecimal */
+    unsigned requests, statuses, sets, updates;
+};
+
+static inline void fake_reply(struct fake_hostapd *fake, const char *reply)
+{
+    if (sendto(fake->watch.fd, reply, strlen(reply), MSG_DONTWAIT, (struct sockaddr *)&fake->client,
+               fake->client_size) < 0) {
+        return; /* nobody is there */
+    }
+}
+
+static const char *fake_obey_hostapd(struct fake_hostapd *fake, const char *request)
+{
+    static const char set[] = "SET vendor_elements ";
+
+    if (strcmp(request, "STATUS") == 0) {
+        fake->statuses++;
+        return fake->disabled ? "state=DISABLED\nphy=phy0\n"
+                              : "state=ENABLED\nphy=phy0\nfreq=2437\n";
+    }
+    if (strncmp(request, set, strlen(set)) == 0) {
+        fake->sets++;
+        if (strcmp(fake->set_reply, "OK\n") == 0) {
+            snprintf(fake->configured, sizeof(fake->configured), "%s", request + strlen(set));
+        }
+        return fake->set_reply;
+    }
+    if (strcmp(request, "UPDATE_BEACON") == 0) {
+        fake->updates++;
+        if (fake->disabled) {
+            return "FAIL\n";
+        }
+        if (strcmp(fake->update_reply, "OK\n") == 0) {
+            memcpy(fake->beacon, fake->configured, sizeof(fake->beacon));
+        }
+        return fake->update_reply;
+    }
+    return "UNKNOWN COMMAND\n";
+}
+
+static void fake_hostapd_readable(void *context, uint32_t events, int64_t now_us)
+{
+    struct fake_hostapd *fake = context;
+    char request[1024];
+    const char *reply;
+    ssize_t length;
+
+    (void)events;
+    (void)now_us;
+    fake->client_size = sizeof(fake->client);
+    while ((length = recvfrom(fake->watch.fd, request, sizeof(request) - 1, MSG_DONTWAIT,
+                              (struct sockaddr *)&fake->client, &fake->client_size)) >= 0) {
+        request[length] = '\0';
+        fake->requests++;
+        reply = fake_obey_hostapd(fake, request);
+        if (fake->hangs) {
+            continue;
+        }
+        if (fake->talks) {
+            fake_reply(fake, "<3>AP-STA-CONNECTED 02:00:00:00:00:01");
+        }
+        fake_reply(fake, reply);
+    }
+}
+
+static void fake_hostapd_run(struct fake_hostapd *fake)
+{
+    struct sockaddr_un address = {.sun_family = AF_UNIX};
+    int fd = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+
+    memset(fake->beacon, 0, sizeof(fake->beacon)); /* a new one has forgotten everything */
+    memset(fake->configured, 0, sizeof(fake->configured));
+    snprintf(address.sun_path, sizeof(address.sun_path), "%s", fake->path);
+    if (bind(fd, (struct sockaddr *)&address, sizeof(address)) == 0) {
+        loop_watch(&fake->watch, fd, EPOLLIN, fake_hostapd_readable, fake);
+    }
+}
+
+static void fake_hostapd_die(struct fake_hostapd *fake)
+{
+    int fd = fake->watch.fd;
+
+    if (fd >= 0) {
+        loop_unwatch(&fake->watch);
+        close(fd);
+    }
+    unlink(fake->path);
+}
+
+static void fake_hostapd_start(struct fake_hostapd *fake)
+{
+    memset(fake, 0, sizeof(*fake));
+    fake->set_reply = fake->update_reply = "OK\n";
+    fake->watch.fd = -1;
+    snprintf(fake->directory, sizeof(fake->directory), "/tmp/odid-test-XXXXXX");
+    if (mkdtemp(fake->directory) != NULL) {
+        snprintf(fake->path, sizeof(fake->path), "%s/wlan0", fake->directory);
+    }
+    fake_hostapd_run(fake);
+}
+
+/* Fails (rmdir) when the daemon left something behind. */
+static bool fake_hostapd_end(struct fake_hostapd *fake)
+{
+    fake_hostapd_die(fake);
+    return rmdir(fake->directory) == 0;
+}
+
+#endif

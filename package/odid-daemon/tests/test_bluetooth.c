@@ -1,0 +1,293 @@
+/* Bluetooth adapters against a model of a controller: the set-up and the data path. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "bluetooth_bench.h"
+
+static struct fake_controller second;
+
+/* The kernel's boot id, read as text and turned around: not by the code under test. */
+static void expect_own_address(const uint8_t address[6])
+{
+    char boot_id[64], text[18];
+    FILE *file = fopen("/proc/sys/kernel/random/boot_id", "r");
+
+    assert_non_null(file);
+    assert_non_null(fgets(boot_id, sizeof(boot_id), file));
+    fclose(file);
+    for (int i = 0; i < 5; i++) {
+        snprintf(text, sizeof(text), "%02x", address[4 - i]);
+        assert_memory_equal(text, boot_id + 26 + 2 * i, 2);
+    }
+    assert_int_equal(address[5] & 0xC0, 0xC0); /* static */
+    snprintf(text, sizeof(text), "%02x", address[5]);
+    assert_int_equal(text[1], boot_id[25]);
+}
+
+static void a_capable_controller_carries_both_as_two_sets(void **state)
+{
+    const uint8_t *legacy = fake.sets[0].parameters, *long_range = fake.sets[1].parameters;
+
+    (void)state;
+    start_on_air(CAPABLE);
+    assert_int_equal(legacy[1] | legacy[2] << 8, 0x0010); /* legacy PDU, ADV_NONCONN_IND */
+    assert_int_equal(legacy[3] | legacy[4] << 8, 0x0020);
+    assert_int_equal(legacy[20], 1); /* LE 1M */
+    assert_int_equal(long_range[1] | long_range[2] << 8, 0);
+    assert_int_equal(long_range[3] | long_range[4] << 8, 0x0140);
+    assert_int_equal(long_range[20], 3); /* primary Coded, ... */
+    assert_int_equal(long_range[22], 3); /* ... secondary as well, ... */
+    assert_int_equal(long_range[25], 4); /* ... both with S=8 */
+    assert_int_equal(long_range[26], 4);
+    assert_memory_equal(fake.sets[0].address, fake.sets[1].address, 6);
+    expect_own_address(fake.sets[0].address);
+    assert_int_equal(fake.sets[0].length, 31);
+    assert_memory_equal(fake.sets[0].data, "\x1E\x16\xFA\xFF\x0D\x01", 6);
+    assert_int_equal(fake.sets[1].length, sizeof(pack));
+    assert_memory_equal(fake.sets[1].data, pack, sizeof(pack));
+    assert_non_null(strstr(bt4.detail, "every 20 ms"));
+    assert_non_null(strstr(bt5.detail, "Coded PHY S=8 requested"));
+}
+
+static void a_capable_controller_never_gets_a_legacy_command(void **state)
+{
+    (void)state;
+    start_on_air(CAPABLE);
+    for (uint16_t opcode = 0x2005; opcode <= 0x200A; opcode++) {
+        assert_int_equal(count_since(0, opcode), 0);
+    }
+    for (unsigned i = 0; i < fake.count; i++) {
+        assert_int_equal(fake.commands[i].status, 0); /* not one was tried in vain */
+    }
+}
+
+static void without_coding_selection_the_first_version_is_used(void **state)
+{
+    (void)state;
+    start_on_air(FAKE_EXTENDED | FAKE_CODED);
+    assert_int_equal(count_since(0, 0x207F), 0);
+    assert_null(strstr(bt5.detail, "S=8"));
+}
+
+static void a_controller_that_only_claims_coding_selection_still_transmits(void **state)
+{
+    (void)state;
+    start(CAPABLE);
+    fake.refuses_coding = true;
+    begin();
+    set_legacy(1);
+    set_extended(1);
+    assert_true(loop_until(both_on_air, 500));
+    assert_null(strstr(bt5.detail, "S=8"));
+}
+
+static void a_legacy_controller_never_gets_an_extended_command(void **state)
+{
+    (void)state;
+    start_on_air(0);
+    for (uint16_t opcode = 0x2035; opcode <= 0x207F; opcode++) {
+        assert_int_equal(count_since(0, opcode), 0);
+    }
+    assert_int_equal(fake.sets[0].parameters[0], 0x20);
+    assert_int_equal(fake.sets[0].parameters[4], 0x03); /* ADV_NONCONN_IND */
+    assert_int_equal(fake.sets[0].parameters[5], 1);    /* random address */
+    expect_own_address(fake.sets[0].address);
+    assert_int_equal(bt5.state, RADIO_UNSUPPORTED);
+}
+
+static void a_controller_of_before_bluetooth_5_gets_100_ms(void **state)
+{
+    (void)state;
+    start(0);
+    fake.interval_min = 0xA0;
+    begin();
+    set_legacy(1);
+    assert_true(loop_until(legacy_on_air, 500));
+    assert_int_equal(fake.sets[0].parameters[0], 0xA0);
+    assert_int_equal(fake.sets[0].parameters[2], 0xA0);
+    assert_non_null(strstr(bt4.detail, "every 100 ms"));
+    assert_int_equal(bt4.failures, 0);
+}
+
+static void extended_advertising_without_coded_phy_carries_legacy_only(void **state)
+{
+    (void)state;
+    start_on_air(FAKE_EXTENDED);
+    assert_int_equal(bt5.state, RADIO_UNSUPPORTED);
+    assert_int_equal(fake.sets[0].parameters[1], 0x10);
+    assert_false(fake.sets[1].known);
+}
+
+/* A full controller refuses the second set: long range must not take legacy with it. */
+static void a_controller_with_one_set_carries_legacy(void **state)
+{
+    (void)state;
+    start(CAPABLE);
+    fake.sets_max = 1;
+    begin();
+    set_legacy(1);
+    set_extended(1);
+    assert_true(loop_until(legacy_on_air, 500));
+    assert_int_equal(bt5.state, RADIO_UNSUPPORTED);
+    assert_non_null(strstr(bt5.detail, "0x07"));
+}
+
+static void nothing_is_advertised_before_there_is_a_payload(void **state)
+{
+    (void)state;
+    start(CAPABLE);
+    begin();
+    run_ms(100);
+    assert_int_equal(bt4.state, RADIO_STARTING);
+    assert_int_equal(bt5.state, RADIO_STARTING);
+    assert_int_equal(count_since(0, 0x2039), 1); /* off */
+    set_legacy(7);
+    run_ms(20);
+    assert_false(fake.sets[0].enabled);
+    set_extended(7);
+    assert_true(loop_until(both_on_air, 500));
+    assert_int_equal(fake.sets[0].data[5], 7);
+    assert_int_equal(bt4.starts, 1);
+}
+
+static void one_alone_can_be_switched_on(void **state)
+{
+    (void)state;
+    start(CAPABLE);
+    config.bt4_enabled = false;
+    begin();
+    set_legacy(1);
+    set_extended(1);
+    run_ms(50);
+    assert_int_equal(bt4.state, RADIO_DISABLED);
+    assert_int_equal(bt5.state, RADIO_ON_AIR);
+    assert_false(fake.sets[0].known);
+    assert_true(fake.sets[1].enabled);
+}
+
+static void a_payload_is_taken_when_the_controller_says_so(void **state)
+{
+    uint64_t before;
+
+    (void)state;
+    start_on_air(CAPABLE);
+    before = bt4.payloads;
+    fake.holds = true;
+    set_legacy(2);
+    run_ms(20);
+    assert_int_equal(bt4.payloads, before);
+    fake_release(&fake);
+    run_ms(5);
+    assert_int_equal(bt4.payloads, before + 1);
+    assert_true(loop_now_us() - bt4.accepted_us < 100000);
+}
+
+/* While the controller is slow: the newest wins, and legacy goes first. */
+static void what_was_overtaken_is_not_sent(void **state)
+{
+    unsigned n;
+
+    (void)state;
+    start_on_air(CAPABLE);
+    fake.holds = true;
+    n = fake.count;
+    set_extended(10);
+    run_ms(5);
+    set_extended(11);
+    set_legacy(20);
+    set_legacy(21);
+    set_extended(12);
+    run_ms(5);
+    assert_int_equal(fake.count, n + 1); /* one command at a time */
+    for (int i = 0; i < 3; i++) {
+        fake_release(&fake);
+        run_ms(5);
+    }
+    assert_int_equal(fake.count, n + 3);
+    assert_int_equal(fake.commands[n].parameters[4 + 5], 10);
+    assert_int_equal(fake.commands[n + 1].parameters[0], 0); /* the legacy set */
+    assert_int_equal(fake.commands[n + 1].parameters[4 + 5], 21);
+    assert_int_equal(fake.commands[n + 2].parameters[0], 1);
+    assert_int_equal(fake.commands[n + 2].parameters[4 + 5], 12);
+}
+
+static void a_controller_without_room_is_waited_for(void **state)
+{
+    const uint8_t room[] = {0x04, 0x0E, 3, 1, 0, 0};
+    unsigned n;
+
+    (void)state;
+    start_on_air(CAPABLE);
+    fake.no_room = true;
+    set_legacy(2);
+    run_ms(5);
+    n = fake.count;
+    set_legacy(3);
+    run_ms(20);
+    assert_int_equal(fake.count, n);
+    fake.no_room = false;
+    fake_send(&fake, room, sizeof(room));
+    run_ms(10);
+    assert_int_equal(fake.sets[0].data[5], 3);
+    assert_int_equal(bt4.failures, 0);
+}
+
+static void long_range_may_have_an_adapter_of_its_own(void **state)
+{
+    (void)state;
+    start(0);
+    fake_start(&second, CAPABLE);
+    snprintf(config.bt5_adapter, sizeof(config.bt5_adapter), "%s", second.adapter);
+    begin();
+    set_legacy(1);
+    set_extended(1);
+    run_ms(50);
+    assert_true(legacy_on_air());
+    assert_int_equal(bt5.state, RADIO_ON_AIR);
+    assert_true(second.sets[1].enabled);
+    assert_false(second.sets[0].known);
+    assert_memory_equal(fake.sets[0].address, second.sets[1].address, 6);
+    bluetooth_stop();
+    run_ms(2);
+    fake_end(&second);
+}
+
+static void the_end_is_silent(void **state)
+{
+    (void)state;
+    start_on_air(CAPABLE);
+    bluetooth_stop();
+    run_ms(5);
+    assert_false(fake.sets[0].enabled || fake.sets[1].enabled);
+}
+
+int main(void)
+{
+#define TEST(name) cmocka_unit_test_teardown(name, end)
+    const struct CMUnitTest tests[] = {
+        TEST(a_capable_controller_carries_both_as_two_sets),
+        TEST(a_capable_controller_never_gets_a_legacy_command),
+        TEST(without_coding_selection_the_first_version_is_used),
+        TEST(a_controller_that_only_claims_coding_selection_still_transmits),
+        TEST(a_legacy_controller_never_gets_an_extended_command),
+        TEST(a_controller_of_before_bluetooth_5_gets_100_ms),
+        TEST(extended_advertising_without_coded_phy_carries_legacy_only),
+        TEST(a_controller_with_one_set_carries_legacy),
+        TEST(nothing_is_advertised_before_there_is_a_payload),
+        TEST(one_alone_can_be_switched_on),
+        TEST(a_payload_is_taken_when_the_controller_says_so),
+        TEST(what_was_overtaken_is_not_sent),
+        TEST(a_controller_without_room_is_waited_for),
+        TEST(long_range_may_have_an_adapter_of_its_own),
+        TEST(the_end_is_silent),
+    };
+
+    if (loop_init() < 0) {
+        return 1;
+    }
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

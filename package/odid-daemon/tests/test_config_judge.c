@@ -1,0 +1,158 @@
+/* The configuration judged as a whole, and the sample. */
+#include "config_helper.h"
+
+/* ---- the judge ---- */
+
+#define GOOD "[basic_id]\nuas_id = SSRS5GBG01\n[operator]\noperator_id = SWE3jxza7qbzvu5d\n"
+
+static void expect_judgement(const char *text, const char *sentences)
+{
+    unsigned warnings;
+
+    parse(text);
+    memset(&reports, 0, sizeof(reports));
+    warnings = config_judge(&config, config_reports_take, &reports);
+    assert_int_equal(warnings, reports.warnings);
+    assert_string_equal(reports.text, sentences);
+}
+
+static void judgements(void **state)
+{
+    static const struct {
+        const char *text, *sentences;
+    } cases[] = {
+        {GOOD, ""},
+        {GOOD "[system]\ncategory = specific\nclass = C4\n", ""},
+        {"[basic_id]\n",
+         "warning: [basic_id] uas_id is not set: the aircraft has no identity unless the autopilot "
+         "sends one\n"
+         "warning: [operator] operator_id is not set: no operator number is broadcast unless the "
+         "autopilot sends one\n"},
+        {GOOD "[basic_id]\nuas_id = SSRSGBG001\n",
+         "warning: [basic_id] uas_id = \"SSRSGBG001\" is no valid serial number (CTA-2063-A): "
+         "character 5 is \"G\": expected a length code, 1-9 or A-F; it is broadcast all the "
+         "same\n"},
+        {GOOD "[operator]\noperator_id = SWE3JXZA7qbzvu5d\n",
+         "warning: [operator] operator_id = \"SWE3JXZA7qbzvu5d\" is no EU operator number: "
+         "character 5 is \"J\": expected a digit or a small letter; it is broadcast all the "
+         "same\n"},
+        {GOOD "[basic_id]\nid_type = none\n",
+         "warning: [basic_id] id_type = none: receivers can't tell what kind of identifier "
+         "\"SSRS5GBG01\" is\n"
+         "warning: no uas_id has id_type = serial: EU rules ask for the aircraft's serial "
+         "number\n"},
+        {GOOD "[basic_id]\nid_type = session\n",
+         "warning: [basic_id] id_type = session: \"SSRS5GBG01\" is sent as text, not as the binary "
+         "identifier that receivers expect\n"
+         "warning: no uas_id has id_type = serial: EU rules ask for the aircraft's serial "
+         "number\n"},
+        {GOOD "[basic_id_2]\nuas_id = SSRS5GBG02\n",
+         "warning: [basic_id_2] id_type is the same as in [basic_id]: receivers keep one "
+         "identifier of a kind\n"},
+        {GOOD "[basic_id_2]\nuas_id = SE-ABC\nid_type = registration\n", ""},
+        {GOOD "[system]\noperator_location_type = fixed\n",
+         "warning: [system] operator_location_type = fixed needs operator_latitude and "
+         "operator_longitude; the take-off point is used\n"},
+        {GOOD "[system]\noperator_location_type = fixed\noperator_latitude = 0\n"
+              "operator_longitude = 0\n",
+         "warning: [system] operator_latitude, operator_longitude: 0, 0 means unknown on the "
+         "air\n"},
+        {GOOD "[system]\nclassification_type = undeclared\ncategory = open\n",
+         "warning: [system] category and class mean nothing with classification_type = "
+         "undeclared\n"},
+        {GOOD "[system]\ncategory = open\nclass = C5\n",
+         "warning: [system] class C5 belongs to category specific, not open\n"},
+        {GOOD "[self_id]\ndescription = x\ndescription_type = emergency\n",
+         "warning: [self_id] description_type = emergency: every receiver shows an emergency from "
+         "power-on\n"},
+        {GOOD "[broadcast]\nbt4_enabled = no\nbt5_enabled = no\nwifi_beacon_enabled = no\n",
+         "warning: Bluetooth and Wi-Fi are both switched off: nothing is broadcast\n"},
+        {GOOD "[broadcast]\nbt5_enabled = no\nwifi_beacon_enabled = no\n",
+         "warning: only Bluetooth 4 is switched on: EU rules ask for Wi-Fi or Bluetooth 5 long "
+         "range besides\n"},
+        {GOOD "[broadcast]\nbt_adapter = h4:/dev/ttyACM0@115200\n",
+         "warning: [mavlink] device and a Bluetooth adapter are both /dev/ttyACM0\n"},
+        {GOOD "[broadcast]\nbt_adapter = h4:/dev/ttyACM01\n", ""},
+        {GOOD "[mavlink]\nsource = udp\nudp_address = 0.0.0.0\n",
+         "note: [mavlink] udp_address = 0.0.0.0: whoever reaches it by network can feed "
+         "positions\n"},
+        {GOOD "[mavlink]\nsource = udp\n", ""},
+        {GOOD "[bench]\nlatitude = 57.7089\nlongitude = 11.9746\n",
+         "warning: [bench] a test position is on: an invented place is broadcast whenever the "
+         "autopilot gives none; never fly with it\n"},
+        {GOOD "[bench]\nlatitude = 0\nlongitude = 0\n",
+         "warning: [bench] a test position is on: an invented place is broadcast whenever the "
+         "autopilot gives none; never fly with it\n"
+         "warning: [bench] latitude, longitude: 0, 0 means unknown on the air\n"},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < COUNT(cases); i++) {
+        expect_judgement(cases[i].text, cases[i].sentences);
+    }
+}
+
+/* ---- the sample ---- */
+
+static char sample[32768];
+
+static bool read_sample(void)
+{
+    FILE *file = fopen("odid.conf.example", "re");
+    size_t length;
+
+    if (file == NULL) {
+        return false; /* not started in the package's folder */
+    }
+    length = fread(sample, 1, sizeof(sample) - 1, file);
+    fclose(file);
+    sample[length] = '\0';
+    return true;
+}
+
+/* As it is, it sets nothing. */
+static void the_sample_is_right(void **state)
+{
+    (void)state;
+    if (!read_sample()) {
+        skip();
+    }
+    expect(sample, "");
+    expect_defaults();
+    for (const struct config_key *key = config_keys; key->section != NULL; key++) {
+        char line[48];
+
+        snprintf(line, sizeof(line), "\n; %s = ", key->name);
+        if (strstr(sample, line) == NULL) {
+            fail_msg("[%s] %s is not in odid.conf.example", key->section, key->name);
+        }
+    }
+}
+
+/* And whoever takes away every "; " gets a right one. */
+static void the_sample_with_everything_set(void **state)
+{
+    (void)state;
+    if (!read_sample()) {
+        skip();
+    }
+    for (char *line = strstr(sample, "\n; "); line != NULL; line = strstr(line, "\n; ")) {
+        memmove(line + 1, line + 3, strlen(line + 3) + 1);
+    }
+    expect_judgement(sample, "warning: [bench] a test position is on: an invented place is "
+                             "broadcast whenever the autopilot gives none; never fly with it\n");
+    assert_string_equal(config.basic_id[0].uas_id, "SSRS5GBG01");
+    assert_int_equal(config.category, 2);
+    assert_int_equal(config.class_eu, 5);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(judgements),
+        cmocka_unit_test(the_sample_is_right),
+        cmocka_unit_test(the_sample_with_everything_set),
+    };
+
+    return cmocka_run_group_tests(tests, make_directory, remove_directory);
+}

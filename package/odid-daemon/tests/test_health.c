@@ -1,0 +1,354 @@
+/* What is wrong, in which order, and what is told. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <stdio.h>
+
+#include "health_fixture.h"
+
+static struct health health;
+
+static void judge(void)
+{
+    bool warnings = false;
+
+    health_judge(&health, &fixture.input, NOW);
+    assert_true(health.count <= HEALTH_MAX);
+    for (unsigned i = 0; i < health.count; i++) {
+        const struct health_problem *problem = &health.problem[i];
+
+        assert_in_range(strlen(problem->reason), 1, 49);
+        assert_in_range(strlen(problem->advice), 10, 118); /* 119 would mean: perhaps cut */
+        warnings = warnings || problem->severity == HEALTH_WARNING;
+        assert_int_equal(problem->severity, warnings ? HEALTH_WARNING : HEALTH_FAULT);
+    }
+}
+
+static int reset(void **state)
+{
+    (void)state;
+    fixture_reset();
+    return 0;
+}
+
+/* Exactly this one thing is wrong. */
+static void expect_one(enum health_severity severity, const char *reason)
+{
+    judge();
+    assert_int_equal(health.count, 1);
+    assert_string_equal(health.problem[0].reason, reason);
+    assert_int_equal(health.problem[0].severity, severity);
+    assert_string_equal(health_reason(&health), severity == HEALTH_FAULT ? reason : "");
+}
+
+static bool has(const char *reason)
+{
+    for (unsigned i = 0; i < health.count; i++) {
+        if (strcmp(health.problem[i].reason, reason) == 0) {
+            return true;
+        }
+    }
+    return false;
+}
+
+static void nothing_is_wrong(void **state)
+{
+    (void)state;
+    judge();
+    assert_int_equal(health.count, 0);
+    assert_true(health.on_air);
+    assert_string_equal(health_reason(&health), "");
+}
+
+/* ---- identity ---- */
+
+static void no_basic_id(void **state)
+{
+    (void)state;
+    fixture.view.basic_ids = 0;
+    expect_one(HEALTH_FAULT, "missing basic_id message"); /* QGroundControl compares it */
+    assert_true(health.on_air);
+}
+
+static void no_operator_id(void **state)
+{
+    (void)state;
+    fixture.view.operator_id[0] = '\0';
+    expect_one(HEALTH_FAULT, "missing operator_id message");
+}
+
+static void wrong_serial(void **state)
+{
+    (void)state;
+    strcpy(fixture.view.basic_id[0].uas_id, "SSRSGBG0010123456789"); /* 20: the reason is full */
+    expect_one(HEALTH_FAULT, "Basic ID is no valid serial: SSRSGBG0010123456789");
+    strcpy(fixture.view.basic_id[0].uas_id, "PX4\x01\xFF"
+                                            "board");
+    fixture.view.basic_id[0].source = SOURCE_NATIVE;
+    expect_one(HEALTH_FAULT, "Basic ID is no valid serial: PX4??board");
+    assert_non_null(strstr(health.problem[0].advice, "autopilot"));
+}
+
+static void second_identifier(void **state)
+{
+    (void)state;
+    fixture.view.basic_ids = 2;
+    fixture.view.basic_id[1].id_type = 2; /* a registration has no format that is checked */
+    strcpy(fixture.view.basic_id[1].uas_id, "SE-ABC");
+    judge();
+    assert_int_equal(health.count, 0);
+    fixture.view.basic_id[0].id_type = 3;
+    expect_one(HEALTH_WARNING, "no serial number among the Basic IDs");
+}
+
+static void wrong_operator_number(void **state)
+{
+    (void)state;
+    strcpy(fixture.view.operator_id, "SWE3JXZA7QBZVU5D");
+    expect_one(HEALTH_FAULT, "Operator ID is no EU number: SWE3JXZA7QBZVU5D");
+    fixture.view.operator_id_type = 201; /* private use: not ours to check */
+    judge();
+    assert_int_equal(health.count, 0);
+}
+
+static void native_number_with_its_secret(void **state)
+{
+    (void)state;
+    strcpy(fixture.view.operator_id, "FIN87astrdge12k8-xyz");
+    expect_one(HEALTH_FAULT, "secret part of the operator ID is on the air");
+    assert_null(strstr(health.problem[0].advice, "xyz"));
+}
+
+static void conflicts(void **state)
+{
+    (void)state;
+    fixture.condition.basic_id_conflict = 1;
+    expect_one(HEALTH_WARNING, "autopilot sends another Basic ID");
+    fixture.condition.basic_id_conflict = 0;
+    fixture.condition.operator_id_conflict = 1;
+    expect_one(HEALTH_WARNING, "autopilot sends another operator ID");
+}
+
+/* ---- autopilot ---- */
+
+static void link_states(void **state)
+{
+    (void)state;
+    fixture.link.state = LINK_ABSENT;
+    fixture.condition.heartbeat_fresh = false;
+    expect_one(HEALTH_FAULT, "no link to the autopilot"); /* the cause, not what follows from it */
+    assert_string_equal(health.problem[0].advice,
+                        "Plug in the autopilot's USB cable, or set [mavlink] device.");
+    fixture.link.state = LINK_SILENT;
+    expect_one(HEALTH_FAULT, "autopilot is silent: nothing comes");
+    assert_non_null(strstr(health.problem[0].advice, "baud"));
+    fixture.config.source = MAVLINK_SOURCE_UDP;
+    expect_one(HEALTH_FAULT, "autopilot is silent: nothing comes");
+    assert_non_null(strstr(health.problem[0].advice, "mavlink-router"));
+    fixture.link.state = LINK_ABSENT;
+    judge();
+    assert_non_null(strstr(health.problem[0].advice, "udp_port"));
+    fixture.link.state = LINK_ALIVE;
+    expect_one(HEALTH_FAULT, "no heartbeat from the autopilot");
+}
+
+static void positions(void **state)
+{
+    (void)state;
+    fixture.view.location.position_fresh = false;
+    fixture.view.location.fix_us = INT64_MIN;
+    fixture.view.location.status = AIRCRAFT_REMOTE_ID_FAILURE; /* ours: told by its cause */
+    expect_one(HEALTH_FAULT, "no position from the autopilot");
+    fixture.view.location.fix_us = NOW - 12900000;
+    expect_one(HEALTH_FAULT, "position stopped 12 s ago");
+    fixture.view.location.position_source = SOURCE_CONFIGURATION;
+    expect_one(HEALTH_FAULT, "bench position in use");
+}
+
+static void autopilots_own_failure(void **state)
+{
+    (void)state;
+    fixture.view.location.status = AIRCRAFT_REMOTE_ID_FAILURE;
+    fixture.view.location.status_source = SOURCE_NATIVE;
+    expect_one(HEALTH_FAULT, "autopilot says: remote ID system failure");
+}
+
+static void slow_positions(void **state)
+{
+    (void)state;
+    fixture.condition.position_rate_hz = 0.4;
+    expect_one(HEALTH_WARNING, "positions come only every 3 s");
+    fixture.condition.position_rate_hz = NAN; /* not known yet */
+    judge();
+    assert_int_equal(health.count, 0);
+    fixture.condition.position_rate_hz = 0; /* that they stopped is told otherwise */
+    judge();
+    assert_int_equal(health.count, 0);
+}
+
+static void operator_location(void **state)
+{
+    (void)state;
+    fixture.view.system.operator_source = SOURCE_NONE;
+    judge();
+    assert_int_equal(health.count, 0); /* the take-off point is known only from arming on */
+    fixture.condition.armed = true;
+    expect_one(HEALTH_WARNING, "operator location unknown");
+    fixture.view.system.operator_source = SOURCE_TELEMETRY;
+    fixture.condition.takeoff_is_home = true;
+    expect_one(HEALTH_WARNING, "take-off point unknown: home stands in");
+}
+
+static void time_unknown(void **state)
+{
+    (void)state;
+    fixture.condition.time_known = false;
+    expect_one(HEALTH_WARNING, "time unknown: time stamps say so");
+}
+
+/* ---- channels ---- */
+
+static void each_state_of_a_channel(void **state)
+{
+    static const struct {
+        enum radio_state state;
+        const char *reason;
+    } cases[] = {
+        {RADIO_ABSENT, "Wi-Fi beacon not on the air: absent"},
+        {RADIO_BLOCKED, "Wi-Fi beacon not on the air: blocked"},
+        {RADIO_DOWN, "Wi-Fi beacon not on the air: down"},
+        {RADIO_STARTING, "Wi-Fi beacon not on the air: starting"},
+        {RADIO_LOST, "Wi-Fi beacon not on the air: lost"},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+        fixture.radios[CHANNEL_BT5].state = RADIO_ON_AIR; /* so that the EU rule is met */
+        fixture.radios[CHANNEL_WIFI].state = cases[i].state;
+        expect_one(HEALTH_FAULT, cases[i].reason);
+        assert_false(health.on_air);
+    }
+}
+
+static void what_is_required(void **state)
+{
+    (void)state;
+    assert_true(health_required(&fixture.input, CHANNEL_BT4));
+    assert_false(health_required(&fixture.input, CHANNEL_BT5)); /* unsupported */
+    fixture.radios[CHANNEL_BT5].state = RADIO_ABSENT;
+    assert_true(health_required(&fixture.input, CHANNEL_BT5));
+    fixture.config.bt5_enabled = false;
+    assert_false(health_required(&fixture.input, CHANNEL_BT5));
+    fixture.config.bt4_enabled = false;
+    fixture.radios[CHANNEL_BT4].state = RADIO_DISABLED;
+    judge();
+    assert_true(health.on_air); /* Wi-Fi alone: all that was asked for */
+    assert_int_equal(health.count, 0);
+    fixture.config.wifi_beacon_enabled = false;
+    fixture.radios[CHANNEL_WIFI].state = RADIO_DISABLED;
+    expect_one(HEALTH_FAULT, "no channel is switched on");
+    assert_false(health.on_air);
+}
+
+static void bluetooth_4_alone(void **state)
+{
+    (void)state;
+    fixture.config.wifi_beacon_enabled = false;
+    fixture.radios[CHANNEL_WIFI].state = RADIO_DISABLED;
+    expect_one(HEALTH_FAULT, "Bluetooth 4 alone does not meet EU rules");
+    assert_true(health.on_air);
+    fixture.radios[CHANNEL_BT5].state = RADIO_ON_AIR;
+    judge();
+    assert_int_equal(health.count, 0);
+}
+
+static void nothing_on_the_air(void **state)
+{
+    (void)state;
+    fixture.radios[CHANNEL_BT4].state = RADIO_BLOCKED;
+    fixture.radios[CHANNEL_WIFI].state = RADIO_LOST;
+    judge();
+    assert_int_equal(health.count, 3);
+    assert_string_equal(health_reason(&health), "no channel is on the air");
+    assert_string_equal(health.problem[1].reason, "Bluetooth 4 not on the air: blocked");
+    assert_string_equal(health.problem[2].reason, "Wi-Fi beacon not on the air: lost");
+    assert_non_null(strstr(health.problem[1].advice, "rfkill unblock bluetooth"));
+    assert_false(health.on_air);
+}
+
+/* ---- the daemon ---- */
+
+static void about_the_daemon(void **state)
+{
+    (void)state;
+    fixture.input.config_errors = 1;
+    expect_one(HEALTH_WARNING, "configuration: 1 value not usable");
+    fixture.input.config_errors = 3;
+    expect_one(HEALTH_WARNING, "configuration: 3 values not usable");
+    fixture.input.config_errors = 0;
+    fixture.input.filter_logging = true;
+    expect_one(HEALTH_WARNING, "system-call filter only logs");
+    fixture.input.filter_logging = false;
+    fixture.input.realtime = false;
+    expect_one(HEALTH_WARNING, "no real-time priority");
+}
+
+/* Everything at once: silence first, then who, then where; warnings at the end. */
+static void the_order(void **state)
+{
+    (void)state;
+    fixture.view = (struct aircraft_view){.location.fix_us = INT64_MIN};
+    fixture.condition = (struct aircraft_condition){
+        .armed = true, .basic_id_conflict = 1, .operator_id_conflict = 1};
+    fixture.link.state = LINK_ABSENT;
+    fixture.input.config_errors = 1;
+    fixture.input.filter_logging = true;
+    fixture.input.realtime = false;
+    for (enum channel channel = 0; channel < CHANNELS; channel++) {
+        fixture.radios[channel].state = RADIO_ABSENT;
+    }
+    judge();
+    assert_string_equal(health.problem[0].reason, "no channel is on the air");
+    assert_string_equal(health.problem[1].reason, "missing basic_id message");
+    assert_string_equal(health.problem[2].reason, "missing operator_id message");
+    assert_string_equal(health.problem[3].reason, "no link to the autopilot");
+    assert_string_equal(health.problem[4].reason, "no position from the autopilot");
+    assert_string_equal(health.problem[5].reason, "Bluetooth 4 not on the air: absent");
+    assert_true(has("operator location unknown"));
+    assert_true(has("no real-time priority"));
+    assert_true(health.count < HEALTH_MAX);
+}
+
+#define TEST(name) cmocka_unit_test_setup(name, reset)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(nothing_is_wrong),
+        TEST(no_basic_id),
+        TEST(no_operator_id),
+        TEST(wrong_serial),
+        TEST(second_identifier),
+        TEST(wrong_operator_number),
+        TEST(native_number_with_its_secret),
+        TEST(conflicts),
+        TEST(link_states),
+        TEST(positions),
+        TEST(autopilots_own_failure),
+        TEST(slow_positions),
+        TEST(operator_location),
+        TEST(time_unknown),
+        TEST(each_state_of_a_channel),
+        TEST(what_is_required),
+        TEST(bluetooth_4_alone),
+        TEST(nothing_on_the_air),
+        TEST(about_the_daemon),
+        TEST(the_order),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,152 @@
+/* Blocked radios: a pty plays /dev/rfkill, whose events are 8 bytes each way. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <linux/rfkill.h>
+#include <string.h>
+
+#include "loop_until.h"
+#include "pty.h"
+#include "rfkill.h"
+
+static char path[64];
+static int master = -1;
+
+static void say(uint32_t index, uint8_t type, uint8_t op, uint8_t soft, uint8_t hard)
+{
+    struct rfkill_event event = {.idx = index, .type = type, .op = op, .soft = soft, .hard = hard};
+
+    assert_int_equal(write(master, &event, sizeof(event)), sizeof(event));
+    run_ms(5);
+}
+
+/* How many unblocks of this index were written; everything else that is written fails. */
+static unsigned unblocks(uint32_t index)
+{
+    struct rfkill_event event;
+    unsigned count = 0;
+
+    while (read(master, &event, sizeof(event)) == sizeof(event)) {
+        assert_int_equal(event.op, RFKILL_OP_CHANGE);
+        assert_int_equal(event.soft, 0);
+        assert_int_equal(event.idx, index);
+        count++;
+    }
+    return count;
+}
+
+static bool blocked(enum rfkill_radio radio)
+{
+    bool hard;
+
+    return rfkill_blocked(radio, &hard);
+}
+
+static void a_soft_block_is_undone_at_once(void **state)
+{
+    (void)state;
+    say(3, RFKILL_TYPE_BLUETOOTH, RFKILL_OP_ADD, 0, 0);
+    assert_int_equal(unblocks(3), 0);
+    say(3, RFKILL_TYPE_BLUETOOTH, RFKILL_OP_CHANGE, 1, 0);
+    assert_true(blocked(RFKILL_BLUETOOTH));
+    assert_false(blocked(RFKILL_WLAN));
+    assert_int_equal(unblocks(3), 1);
+    say(3, RFKILL_TYPE_BLUETOOTH, RFKILL_OP_CHANGE, 0, 0);
+    assert_false(blocked(RFKILL_BLUETOOTH));
+    say(3, RFKILL_TYPE_BLUETOOTH, RFKILL_OP_DEL, 0, 0);
+}
+
+static void one_blocked_from_the_start_is_unblocked(void **state)
+{
+    (void)state;
+    say(4, RFKILL_TYPE_WLAN, RFKILL_OP_ADD, 1, 0);
+    assert_int_equal(unblocks(4), 1);
+    say(4, RFKILL_TYPE_WLAN, RFKILL_OP_DEL, 0, 0);
+    assert_false(blocked(RFKILL_WLAN));
+}
+
+static void a_fight_is_limited_to_four_times_a_second(void **state)
+{
+    (void)state;
+    say(5, RFKILL_TYPE_WLAN, RFKILL_OP_ADD, 0, 0);
+    for (int i = 0; i < 50; i++) {
+        say(5, RFKILL_TYPE_WLAN, RFKILL_OP_CHANGE, 1, 0);
+        say(5, RFKILL_TYPE_WLAN, RFKILL_OP_CHANGE, i == 49, 0);
+    }
+    assert_in_range(unblocks(5), 2, 4);
+    run_ms(300);
+    assert_int_equal(unblocks(5), 1); /* the last block wasn't forgotten */
+    say(5, RFKILL_TYPE_WLAN, RFKILL_OP_DEL, 0, 0);
+}
+
+static void a_switch_cannot_be_undone(void **state)
+{
+    bool hard = false;
+
+    (void)state;
+    say(6, RFKILL_TYPE_WLAN, RFKILL_OP_ADD, 0, 1);
+    assert_true(rfkill_blocked(RFKILL_WLAN, &hard));
+    assert_true(hard);
+    assert_int_equal(unblocks(6), 0);
+    say(6, RFKILL_TYPE_WLAN, RFKILL_OP_DEL, 0, 0);
+}
+
+static void radios_that_are_not_ours_are_left_alone(void **state)
+{
+    (void)state;
+    for (uint32_t i = 100; i < 140; i++) {
+        say(i, RFKILL_TYPE_WWAN, RFKILL_OP_ADD, 1, 0);
+    }
+    assert_int_equal(unblocks(0), 0);
+    assert_false(blocked(RFKILL_WLAN) || blocked(RFKILL_BLUETOOTH));
+}
+
+/* The kernel counts up with each plugging in. */
+static void a_dongle_may_be_plugged_in_ever_again(void **state)
+{
+    (void)state;
+    for (uint32_t i = 10; i < 60; i++) {
+        say(i, RFKILL_TYPE_BLUETOOTH, RFKILL_OP_ADD, 1, 0);
+        assert_int_equal(unblocks(i), 1);
+        say(i, RFKILL_TYPE_BLUETOOTH, RFKILL_OP_DEL, 0, 0);
+    }
+    assert_false(blocked(RFKILL_BLUETOOTH));
+}
+
+static void without_the_device_nothing_is_blocked(void **state)
+{
+    (void)state;
+    say(7, RFKILL_TYPE_WLAN, RFKILL_OP_ADD, 0, 1);
+    assert_true(blocked(RFKILL_WLAN));
+    close(master);
+    run_ms(10);
+    assert_false(blocked(RFKILL_WLAN));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_soft_block_is_undone_at_once),
+        cmocka_unit_test(one_blocked_from_the_start_is_unblocked),
+        cmocka_unit_test(a_fight_is_limited_to_four_times_a_second),
+        cmocka_unit_test(a_switch_cannot_be_undone),
+        cmocka_unit_test(radios_that_are_not_ours_are_left_alone),
+        cmocka_unit_test(a_dongle_may_be_plugged_in_ever_again),
+        cmocka_unit_test(without_the_device_nothing_is_blocked), /* the last: it closes */
+    };
+    int failed;
+
+    pty_make_path(path, "rfkill");
+    master = pty_open(path);
+    if (loop_init() < 0 || master < 0) {
+        return 1;
+    }
+    rfkill_start_at(path, loop_now_us());
+    failed = cmocka_run_group_tests(tests, NULL, NULL);
+    pty_remove_path(path);
+    return failed;
+}

@@ -1,0 +1,456 @@
+/* The status: lateness, the JSON, the socket, and the table that odidctl makes of it. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <errno.h>
+#include <json-c/json_tokener.h>
+#include <json-c/linkhash.h>
+#include <pthread.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include "health_fixture.h"
+#include "loop.h"
+#include "odidctl_table.h"
+#include "status_json.h"
+
+/* After so many the loop ends. */
+#define QUESTIONS 3
+
+static struct telemetry_counters counters;
+static struct status_lateness lateness;
+static char sentences[2][CONFIG_PROBLEM_SIZE];
+
+static int reset(void **state)
+{
+    (void)state;
+    fixture_reset();
+    counters = (struct telemetry_counters){.frames = 12345, .bad_crc = 3, .other_system = 2};
+    memset(&lateness, 0, sizeof(lateness));
+    memset(sentences, 0, sizeof(sentences));
+    return 0;
+}
+
+static void gather(void *context, struct status_snapshot *snapshot, int64_t now_us)
+{
+    unsigned *calls = context;
+
+    *calls += 1;
+    if (*calls == QUESTIONS) {
+        loop_stop();
+    }
+    snapshot->input = fixture.input;
+    health_judge(&snapshot->health, &fixture.input, now_us);
+    snapshot->counters = &counters;
+    snapshot->lateness = &lateness;
+    snapshot->start_us = NOW - 90000000;
+    snapshot->vehicle = 1;
+    while (snapshot->config_reports < 2 && sentences[snapshot->config_reports][0] != '\0') {
+        snapshot->config_reports++;
+    }
+    snapshot->config_report = (const char(*)[CONFIG_PROBLEM_SIZE])sentences;
+}
+
+static struct json_object *make_json(void)
+{
+    struct status_snapshot snapshot = {0};
+    unsigned calls = 0;
+
+    gather(&calls, &snapshot, NOW);
+    return status_json(&snapshot, NOW);
+}
+
+/* ---- lateness ---- */
+
+static void lateness_of_nothing(void **state)
+{
+    (void)state;
+    assert_int_equal(status_lateness_p99_us(&lateness), -1);
+}
+
+static void lateness_percentile(void **state)
+{
+    (void)state;
+    status_lateness_add(&lateness, 20, 0);
+    assert_int_equal(status_lateness_p99_us(&lateness), 20); /* never more than the maximum */
+    for (int i = 0; i < 98; i++) {
+        status_lateness_add(&lateness, 120, 0);
+    }
+    assert_int_equal(status_lateness_p99_us(&lateness), 120);
+    status_lateness_add(&lateness, 40000, 2);
+    assert_int_equal(lateness.slots, 100);
+    assert_int_equal(lateness.skipped, 2);
+    assert_int_equal(lateness.max_us, 40000);
+    assert_int_equal(status_lateness_p99_us(&lateness), 150); /* the bucket's end */
+    for (int i = 0; i < 100; i++) {
+        status_lateness_add(&lateness, 3150, 0);
+    }
+    assert_int_equal(status_lateness_p99_us(&lateness), 40000); /* the last bucket has no end */
+    status_lateness_add(&lateness, -5, 0);
+    assert_int_equal(lateness.histogram[0], 2);
+}
+
+/* ---- JSON ---- */
+
+/* Each key, in order: what odidctl(1) documents. */
+static void field_names(struct json_object *object, char *out, size_t size)
+{
+    size_t filled = strlen(out);
+
+    json_object_object_foreach(object, name, value)
+    {
+        filled += (size_t)snprintf(out + filled, size - filled, "%s%s", filled ? " " : "", name);
+        (void)value;
+    }
+}
+
+static void expect_fields(struct json_object *root, const char *path, const char *fields)
+{
+    struct json_object *object = path == NULL ? root : json_object_object_get(root, path);
+    char names[512] = "";
+
+    assert_non_null(object);
+    field_names(object, names, sizeof(names));
+    assert_string_equal(names, fields);
+}
+
+static void stable_names(void **state)
+{
+    struct json_object *root = make_json(), *channels;
+
+    (void)state;
+    expect_fields(root, NULL,
+                  "version uptime_s on_air reason channels link mavlink vehicle identity position "
+                  "operator time aircraft problems configuration schedule privilege");
+    expect_fields(root, "channels", "bt4 bt5 wifi");
+    channels = json_object_object_get(root, "channels");
+    expect_fields(channels, "bt4",
+                  "title state detail required since_s last_accepted_s payloads starts repairs "
+                  "failures");
+    expect_fields(root, "link",
+                  "name state detail since_s bytes_in bytes_out bytes_dropped opened senders");
+    expect_fields(root, "mavlink",
+                  "frames bad_crc unknown_id other_transmitter other_aircraft other_system "
+                  "not_needed");
+    expect_fields(root, "identity", "basic_ids operator_id self_id classification");
+    expect_fields(root, "position",
+                  "source fresh age_s latitude_deg longitude_deg altitude_geodetic_m "
+                  "altitude_barometric_m height_m height_above motion_source direction_deg "
+                  "speed_mps vertical_speed_mps timestamp_s status status_source");
+    expect_fields(root, "operator", "source location_type latitude_deg longitude_deg altitude_m");
+    expect_fields(root, "time", "known utc");
+    expect_fields(root, "aircraft",
+                  "heartbeat armed emergency mav_type autopilot restarts takeoff_known "
+                  "takeoff_is_home position_rate_hz");
+    expect_fields(root, "configuration", "errors sentences");
+    expect_fields(root, "schedule", "slots skipped slot_lateness_p99_us slot_lateness_max_us");
+    expect_fields(root, "privilege", "realtime filter_logging");
+    json_object_put(root);
+}
+
+static void expect_json(const char *path, const char *expected)
+{
+    struct json_object *root = make_json(), *object = root;
+    char name[64];
+
+    for (const char *dot; path != NULL; path = dot == NULL ? NULL : dot + 1) {
+        dot = strchr(path, '.');
+        snprintf(name, sizeof(name), "%.*s", dot == NULL ? 63 : (int)(dot - path), path);
+        object = json_object_object_get(object, name);
+    }
+    assert_string_equal(json_object_to_json_string_ext(object, JSON_C_TO_STRING_PLAIN), expected);
+    json_object_put(root);
+}
+
+static void values(void **state)
+{
+    (void)state;
+    expect_json("uptime_s", "90.00");
+    expect_json("on_air", "true");
+    expect_json("reason", "null");
+    expect_json("vehicle", "1");
+    expect_json("channels.bt5.required", "false");
+    expect_json("channels.bt5.last_accepted_s", "null");
+    expect_json("channels.wifi.last_accepted_s", "0.10");
+    expect_json("position.latitude_deg", "57.7089000");
+    expect_json("position.altitude_barometric_m", "null");
+    expect_json("position.direction_deg", "null");
+    expect_json("position.vertical_speed_mps", "-0.25");
+    expect_json("position.age_s", "0.25");
+    expect_json("time.utc", "\"2026-01-02T03:04:05Z\"");
+    expect_json("identity.basic_ids",
+                "[{\"uas_id\":\"SSRS5GBG01\",\"id_type\":\"serial\",\"ua_type\":\"aeroplane\","
+                "\"source\":\"configuration\",\"validity\":\"valid\"}]");
+    expect_json("identity.operator_id",
+                "{\"operator_id\":\"SWE3jxza7qbzvu5d\",\"source\":\"configuration\","
+                "\"validity\":\"structure right\"}");
+    expect_json("identity.classification",
+                "{\"type\":\"eu\",\"category\":\"specific\",\"class\":\"C4\",\"source\":null}");
+    expect_json("problems", "[]");
+    expect_json("configuration", "{\"errors\":0,\"sentences\":[]}");
+    expect_json("schedule", "{\"slots\":0,\"skipped\":0,\"slot_lateness_p99_us\":null,"
+                            "\"slot_lateness_max_us\":null}");
+}
+
+static void what_is_unknown_is_null(void **state)
+{
+    (void)state;
+    fixture.view = (struct aircraft_view){.location.fix_us = INT64_MIN};
+    fixture.view.location.latitude_deg = fixture.view.location.speed_mps = NAN;
+    fixture.view.location.altitude_geodetic_m = INFINITY;
+    fixture.view.system.operator_latitude_deg = NAN;
+    fixture.condition = (struct aircraft_condition){.position_rate_hz = NAN};
+    fixture.config.description[0] = fixture.config.operator_id[0] = '\0';
+    expect_json("position.source", "null");
+    expect_json("position.latitude_deg", "null");
+    expect_json("position.altitude_geodetic_m", "null");
+    expect_json("position.age_s", "null");
+    expect_json("operator.source", "null");
+    expect_json("time.utc", "null");
+    expect_json("aircraft.armed", "null");
+    expect_json("aircraft.position_rate_hz", "null");
+    expect_json("identity.operator_id", "{\"operator_id\":null,\"source\":null,\"validity\":null}");
+    expect_json("identity.basic_ids", "[]");
+    expect_json("identity.self_id.source", "null");
+}
+
+/* From outside come any bytes, and numbers with their secret part. */
+static void foreign_bytes(void **state)
+{
+    (void)state;
+    strcpy(fixture.view.description, "R\xE4"
+                                     "dd\x01ning");
+    expect_json("identity.self_id.description", "\"R?dd?ning\"");
+    strcpy(fixture.view.operator_id, "FIN87astrdge12k8-xyz");
+    fixture.config.operator_id[0] = '\0';
+    expect_json("identity.operator_id",
+                "{\"operator_id\":\"FIN87astrdge12k8\",\"source\":\"native\","
+                "\"validity\":\"valid\"}");
+}
+
+static void problems_and_sentences(void **state)
+{
+    (void)state;
+    fixture.view.basic_ids = 0;
+    fixture.input.config_errors = 1;
+    strcpy(sentences[0], "odid.conf line 2: [mavlink] udp_port = \"0\": expected 1-65535");
+    expect_json("reason", "\"missing basic_id message\"");
+    expect_json("problems",
+                "[{\"severity\":\"fault\",\"reason\":\"missing basic_id message\",\"advice\":\"Set "
+                "[basic_id] uas_id in odid.conf to the aircraft's serial number.\"},"
+                "{\"severity\":\"warning\",\"reason\":\"configuration: 1 value not "
+                "usable\",\"advice\":\"odidctl check FILE lists them, and what is used "
+                "instead.\"}]");
+    expect_json("configuration.sentences",
+                "[\"odid.conf line 2: [mavlink] udp_port = \\\"0\\\": expected 1-65535\"]");
+}
+
+/* ---- the table ---- */
+
+static void draw(struct json_object *status, bool colour, char *out, size_t size)
+{
+    FILE *file = fmemopen(out, size, "w");
+
+    assert_non_null(file);
+    odidctl_table(file, status, colour);
+    fclose(file);
+    assert_null(strstr(out, "nan"));
+    assert_null(strstr(out, "inf"));
+    assert_null(strstr(out, "null"));
+}
+
+static void draw_fixture(bool colour, char *out, size_t size)
+{
+    struct json_object *made = make_json();
+    /* As odidctl does: what was written, read again. */
+    struct json_object *status = json_tokener_parse(json_object_to_json_string(made));
+
+    draw(status, colour, out, size);
+    json_object_put(status);
+    json_object_put(made);
+}
+
+static void table_of_a_good_one(void **state)
+{
+    char text[8192];
+
+    (void)state;
+    draw_fixture(false, text, sizeof(text));
+    assert_non_null(strstr(text, "REMOTE ID IS ON THE AIR "));
+    assert_non_null(strstr(text, "Nothing stands against flying."));
+    assert_non_null(strstr(text, "running for 90 s"));
+    assert_non_null(strstr(text, "57.708900, 11.974600 (telemetry, 0.2 s old)"));
+    assert_non_null(strstr(text, "course unknown"));
+    assert_non_null(strstr(text, "SSRS5GBG01 (serial, aeroplane, from configuration): valid"));
+    assert_non_null(strstr(text, "What is wrong, and what to do\n  nothing\n"));
+    assert_null(strchr(text, '\033'));
+    draw_fixture(true, text, sizeof(text));
+    assert_non_null(strchr(text, '\033'));
+}
+
+static void table_of_a_bad_one(void **state)
+{
+    char text[8192];
+
+    (void)state;
+    fixture.radios[CHANNEL_WIFI].state = RADIO_ABSENT;
+    fixture.radios[CHANNEL_WIFI].accepted_us = INT64_MIN;
+    strcpy(fixture.radios[CHANNEL_WIFI].detail, "no control socket");
+    draw_fixture(false, text, sizeof(text));
+    assert_non_null(strstr(text, "REMOTE ID IS ONLY PARTLY ON THE AIR"));
+    assert_non_null(strstr(text, "Do not fly: Bluetooth 4 alone does not meet EU rules"));
+    assert_non_null(strstr(text, "FAULT    Wi-Fi beacon not on the air: absent"));
+    assert_non_null(strstr(text, "no control socket"));
+    fixture.radios[CHANNEL_BT4].state = RADIO_BLOCKED;
+    draw_fixture(false, text, sizeof(text));
+    assert_non_null(strstr(text, "REMOTE ID IS NOT ON THE AIR"));
+}
+
+/* An older or newer daemon's answer, or nonsense: shown as unknown. */
+static void table_of_something_else(void **state)
+{
+    static const char *const texts[] = {
+        "{}",
+        "{\"channels\":7,\"link\":[],\"identity\":\"x\",\"problems\":{},\"position\":null}",
+        "{\"channels\":{\"bt4\":3,\"wifi\":{\"state\":1}},\"problems\":[1,null,{}],"
+        "\"configuration\":{\"sentences\":[1,null]},\"identity\":{\"basic_ids\":[null,5]}}",
+    };
+    char text[8192];
+
+    (void)state;
+    for (size_t i = 0; i < sizeof(texts) / sizeof(texts[0]); i++) {
+        struct json_object *status = json_tokener_parse(texts[i]);
+
+        assert_non_null(status);
+        draw(status, false, text, sizeof(text));
+        assert_non_null(strstr(text, "NOT ON THE AIR"));
+        assert_non_null(strstr(text, "unknown"));
+        json_object_put(status);
+    }
+}
+
+static void durations(void **state)
+{
+    static const struct {
+        double seconds;
+        const char *text;
+    } cases[] = {{0, "0.0 s"},       {9.94, "9.9 s"},   {10, "10 s"},  {119.4, "119 s"},
+                 {120, "2 min"},     {7199, "119 min"}, {7200, "2 h"}, {172799, "47 h"},
+                 {172800, "2 days"}, {NAN, "unknown"}};
+    char text[32];
+
+    (void)state;
+    for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+        odidctl_duration(text, sizeof(text), cases[i].seconds);
+        assert_string_equal(text, cases[i].text);
+    }
+}
+
+/* ---- the socket ---- */
+
+static char directory[] = "/tmp/odid-status-XXXXXX";
+static char answer[65536];
+
+static int connect_to_status(void)
+{
+    struct sockaddr_un address = {.sun_family = AF_UNIX};
+    int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+
+    snprintf(address.sun_path, sizeof(address.sun_path), "%s/%s", directory, STATUS_SOCKET);
+    if (connect(fd, (struct sockaddr *)&address, sizeof(address)) < 0) {
+        close(fd);
+        return -1;
+    }
+    return fd;
+}
+
+/* A reader per question; one that never reads and one that leaves at once are among them. */
+static void *ask(void *context)
+{
+    int silent = connect_to_status(), gone = connect_to_status(), fd = connect_to_status();
+    size_t filled = 0;
+    ssize_t got;
+
+    (void)context;
+    close(gone);
+    while ((got = read(fd, answer + filled, sizeof(answer) - 1 - filled)) > 0) {
+        filled += (size_t)got;
+    }
+    close(fd);
+    close(silent);
+    answer[filled] = '\0';
+    return NULL;
+}
+
+static void over_the_socket(void **state)
+{
+    char path[64];
+    struct json_object *status;
+    struct stat file;
+    pthread_t thread;
+    unsigned calls = 0;
+
+    (void)state;
+    assert_non_null(mkdtemp(directory));
+    snprintf(path, sizeof(path), "%s/%s", directory, STATUS_SOCKET);
+    fclose(fopen(path, "we")); /* left behind by the one before */
+    assert_int_equal(loop_init(), 0);
+    assert_int_equal(status_start(directory, gather, &calls), 0);
+    assert_int_equal(stat(path, &file), 0);
+    assert_true(S_ISSOCK(file.st_mode));
+    assert_int_equal(file.st_mode & 0777, 0666);
+    assert_int_equal(pthread_create(&thread, NULL, ask, NULL), 0);
+    assert_int_equal(loop_run(), 0);
+    pthread_join(thread, NULL);
+    assert_int_equal(calls, QUESTIONS);
+    status = json_tokener_parse(answer);
+    assert_non_null(status);
+    assert_true(json_object_get_boolean(json_object_object_get(status, "on_air")));
+    json_object_put(status);
+    unlink(path);
+    rmdir(directory);
+}
+
+static void places_where_it_cannot_be(void **state)
+{
+    char long_name[200];
+    unsigned calls = 0;
+
+    (void)state;
+    memset(long_name, 'x', sizeof(long_name) - 1);
+    long_name[0] = '/';
+    long_name[sizeof(long_name) - 1] = '\0';
+    assert_int_equal(status_start(long_name, gather, &calls), -ENAMETOOLONG);
+    assert_int_equal(status_start("/nonexistent", gather, &calls), -ENOENT);
+}
+
+#define TEST(name) cmocka_unit_test_setup(name, reset)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(lateness_of_nothing),
+        TEST(lateness_percentile),
+        TEST(stable_names),
+        TEST(values),
+        TEST(what_is_unknown_is_null),
+        TEST(foreign_bytes),
+        TEST(problems_and_sentences),
+        TEST(table_of_a_good_one),
+        TEST(table_of_a_bad_one),
+        TEST(table_of_something_else),
+        TEST(durations),
+        TEST(over_the_socket),
+        TEST(places_where_it_cannot_be),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
