@@ -249,7 +249,7 @@ def test_an_autopilot_that_falls_silent_is_a_remote_id_failure(flying):
     assert status["link"]["state"] == "silent"
     player.order("resume")
     parts.wait_for("positions", lambda: bench.status()["position"]["fresh"], 1.5)
-    parts.wait_for("the heartbeat", lambda: bench.status()["position"]["status"] == "airborne", 1.5)
+    parts.wait_for("the heartbeat", lambda: bench.status()["position"]["status"] != FAILURE, 1.5)
 
 
 def test_the_take_off_point_outlives_a_killed_daemon(flying):
@@ -278,6 +278,18 @@ def test_several_senders_at_once_do_not_confuse_it(flying):
     assert figures(out)["verdict"] == "PASS", report(out)
     assert bench.status()["mavlink"]["other_system"] > 0
     assert bench.status()["vehicle"] == 1
+
+
+def test_an_orderly_end_leaves_nothing_on_the_air(flying):
+    """A radio would go on repeating a dead program's last position."""
+    bench = flying()
+    heard = listen(bench, 5)
+    time.sleep(2)
+    bench.daemon.stop()
+    ended = time.monotonic()
+    receptions = finish(heard)
+    assert {one["channel"] for one in receptions if one["mono"] < ended} == {"bt4", "bt5", "wifi"}
+    assert not [one for one in receptions if one["mono"] > ended + 0.3]
 
 
 # --- back to the pilot ------------------------------------------------------

@@ -142,12 +142,13 @@ def _check_addresses(run: Run, options: Options, findings: Findings) -> None:
 
 
 def _judge_intervals(intervals: list[Interval], findings: Findings) -> None:
+    excused: dict[tuple[str, str], list[float]] = {}
     for interval in intervals:
         limit = limit_s(interval.message, interval.kind)
         if limit is None or interval.seconds <= limit:
             continue
         if interval.excused:
-            findings.note(f"{interval.channel}: no newer Location for {interval.seconds:.2f} s, {interval.excused}")
+            excused.setdefault((interval.channel, interval.excused), []).append(interval.seconds)
             continue
         if interval.kind == "content":
             what = "location: no newer content" if interval.ended else \
@@ -156,6 +157,9 @@ def _judge_intervals(intervals: list[Interval], findings: Findings) -> None:
             what = f"{interval.message}: not heard" + ("" if interval.ended else " any more until the end of the run")
         findings.violation(f"interval.{interval.kind}", interval.start, what, f"within {limit:g} s",
                            f"{interval.seconds:.3f} s", interval.channel)
+    for (channel, excuse), seconds in excused.items():
+        findings.note(f"{channel}: {len(seconds)} times no newer Location for more than 1 s, the longest "
+                      f"{max(seconds):.2f} s; excused: {excuse}")
 
 
 def _judge_first_heard(tracks: list[Track], options: Options, findings: Findings) -> None:

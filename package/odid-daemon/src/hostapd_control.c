@@ -8,6 +8,8 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include "log.h"
+
 #define REPLY_MAX 4096
 /* Datagrams read in one go: whoever talks without end must not keep the loop from its deadlines. */
 #define READS_MAX 16
@@ -145,4 +147,12 @@ int hostapd_control_request(struct hostapd_control *control, const char *request
     control->waiting = true;
     loop_arm(&control->timeout, now_us + HOSTAPD_REPLY_US);
     return 0;
+}
+
+void hostapd_control_tell(struct hostapd_control *control, const char *request)
+{
+    if (control->watch.fd >= 0 &&
+        send(control->watch.fd, request, strlen(request), MSG_NOSIGNAL) < 0) {
+        log_warning("hostapd isn't told \"%s\": %s", request, strerror(errno));
+    }
 }

@@ -39,4 +39,7 @@ void hostapd_control_close(struct hostapd_control *control);
 /* Returns 0, or -errno (EBUSY: a reply is awaited). */
 int hostapd_control_request(struct hostapd_control *control, const char *request, int64_t now_us);
 
+/* Sends without awaiting an answer, whatever else is awaited: for the orderly end. */
+void hostapd_control_tell(struct hostapd_control *control, const char *request);
+
 #endif

@@ -250,29 +250,32 @@ static bool is_number_in_text(const char *text)
     return strpbrk(public_part, "0123456789") != NULL || check_public(public_part, problem);
 }
 
+/* Takes a dash and what is written behind it out of the text. */
+static void remove_one(char *dash)
+{
+    char *end = dash + (*dash == '-' ? 1 : 3);
+    size_t left;
+
+    while (is_alphanumeric(*end)) {
+        end++;
+    }
+    left = strlen(end);
+    memmove(dash, end, left);
+    explicit_bzero(dash + left, (size_t)(end - dash)); /* nor behind the new end */
+}
+
 bool identifiers_remove_secrets(char *text)
 {
     bool removed = false;
 
     for (size_t i = 0; text[i] != '\0'; i++) {
-        char *rest, *end;
-        size_t left;
-
         if ((i > 0 && is_alphanumeric(text[i - 1])) || !is_number_in_text(text + i)) {
             continue;
         }
-        rest = text + i + OPERATOR_PUBLIC;
-        if (!is_dash(rest)) {
-            continue;
+        while (is_dash(text + i + OPERATOR_PUBLIC)) {
+            remove_one(text + i + OPERATOR_PUBLIC);
+            removed = true;
         }
-        end = rest + (*rest == '-' ? 1 : 3);
-        while (is_alphanumeric(*end)) {
-            end++;
-        }
-        left = strlen(end);
-        memmove(rest, end, left);
-        explicit_bzero(rest + left, (size_t)(end - rest)); /* nor behind the new end */
-        removed = true;
     }
     return removed;
 }

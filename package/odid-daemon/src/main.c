@@ -329,6 +329,9 @@ static int run(void)
         log_error("the event loop failed: %s", strerror(-result));
     }
     bluetooth_stop();
+    if (config()->wifi_beacon_enabled) {
+        wifi_beacon_stop();
+    }
     return result < 0 ? EXIT_FAILURE : EXIT_SUCCESS;
 }
 

@@ -157,16 +157,16 @@ static void print_channel(FILE *out, struct json_object *channel, bool colour)
 
     odidctl_duration(since, sizeof(since), number(channel, "since_s"));
     odidctl_duration(sent, sizeof(sent), number(channel, "last_accepted_s"));
-    fprintf(out, "  " LABEL "%s%-12s%s for %-8s", text_or(channel, "title", UNKNOWN),
+    fprintf(out, "  " LABEL "%s%-12s%s for %s", text_or(channel, "title", UNKNOWN),
             paint(colour, state_colour(channel)), text_or(channel, "state", UNKNOWN),
             paint(colour, PLAIN), since);
     if (!isnan(number(channel, "last_accepted_s"))) {
-        fprintf(out, "  last sent %s ago", sent);
+        fprintf(out, ", last sent %s ago", sent);
     }
     if (repairs > 0) {
-        fprintf(out, "  repaired %.0f times", repairs);
+        fprintf(out, ", repaired %.0f times", repairs);
     }
-    fprintf(out, "%s\n", is_true(channel, "required") ? "" : "  (not required)");
+    fprintf(out, "%s\n", is_true(channel, "required") ? "" : " (not required)");
     if (detail != NULL) {
         fprintf(out, "  " LABEL "%s\n", "", detail);
     }
@@ -196,7 +196,7 @@ static void print_autopilot(FILE *out, struct json_object *status, bool colour)
     fprintf(out, "  " LABEL "", "Vehicle");
     print_number(out, number(status, "vehicle"), 0, "");
     fprintf(out, ", %s\n",
-            armed == NULL                    ? "armed or not unknown"
+            armed == NULL                    ? "armed or not: unknown"
             : json_object_get_boolean(armed) ? "armed"
                                              : "disarmed");
     fprintf(out, "  " LABEL "%.0f understood, %.0f damaged, %.0f of no concern\n", "Messages",
@@ -215,12 +215,15 @@ static void print_location(FILE *out, struct json_object *status, bool colour)
     odidctl_duration(age, sizeof(age), number(position, "age_s"));
     fprintf(out, "\n%sWhere%s\n  " LABEL "", paint(colour, BOLD), paint(colour, PLAIN), "Aircraft");
     print_place(out, position);
-    fprintf(out, " (%s, %s old)\n", text_or(position, "source", "no source"), age);
-    fprintf(out, "  " LABEL "", "Height");
+    if (find(position, "source") != NULL) {
+        fprintf(out, " (%s, %s old)", text_or(position, "source", UNKNOWN), age);
+    }
+    fprintf(out, "\n  " LABEL "", "Height");
     print_number(out, number(position, "height_m"), 1, " m");
-    fprintf(out, " above %s, ", text_or(position, "height_above", UNKNOWN));
+    fprintf(out, " above %s; above the WGS-84 ellipsoid ",
+            text_or(position, "height_above", "take-off"));
     print_number(out, number(position, "altitude_geodetic_m"), 1, " m");
-    fprintf(out, " above the WGS-84 ellipsoid\n  " LABEL "", "Motion");
+    fprintf(out, "\n  " LABEL "", "Motion");
     print_number(out, number(position, "speed_mps"), 1, " m/s");
     fprintf(out, ", course ");
     print_number(out, number(position, "direction_deg"), 0, " degrees");
@@ -229,8 +232,11 @@ static void print_location(FILE *out, struct json_object *status, bool colour)
     fprintf(out, "\n  " LABEL "%s\n", "Status sent", text_or(position, "status", UNKNOWN));
     fprintf(out, "  " LABEL "", "Operator");
     print_place(out, pilot);
-    fprintf(out, " (%s, %s)\n", text_or(pilot, "location_type", UNKNOWN),
-            text_or(pilot, "source", "no source"));
+    if (find(pilot, "source") != NULL) {
+        fprintf(out, " (%s, from %s)", text_or(pilot, "location_type", UNKNOWN),
+                text_or(pilot, "source", UNKNOWN));
+    }
+    fputc('\n', out);
 }
 
 static void print_identity(FILE *out, struct json_object *status, bool colour)

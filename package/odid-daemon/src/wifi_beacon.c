@@ -249,3 +249,10 @@ void wifi_beacon_set(const uint8_t *element, size_t length, int64_t now_us)
     }
     advance(now_us);
 }
+
+void wifi_beacon_stop(void)
+{
+    hostapd_control_tell(&self.control, "SET vendor_elements ");
+    hostapd_control_tell(&self.control, "UPDATE_BEACON");
+    hostapd_control_close(&self.control);
+}

@@ -18,4 +18,8 @@ void wifi_beacon_start(const struct config *config, struct radio *radio, int64_t
 /* The vendor element to be in every beacon from now on; the newest one wins. */
 void wifi_beacon_set(const uint8_t *element, size_t length, int64_t now_us);
 
+/* Takes the element out of the beacons, as far as hostapd listens: for the orderly end. A beacon
+ * would go on telling where the aircraft was. */
+void wifi_beacon_stop(void);
+
 #endif

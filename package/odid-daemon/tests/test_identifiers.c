@@ -196,6 +196,7 @@ static void secrets_in_other_texts(void **state)
         {"uas_id=SWE3jxza7qbzvu5d-xyz ; both FIN87astrdge12k8-abc",
          "uas_id=SWE3jxza7qbzvu5d ; both FIN87astrdge12k8"},
         {"swe3JXZA7qbzvu5d\xE2\x80\x93xyz!", "swe3JXZA7qbzvu5d!"},
+        {"SWE3jxza7qbzvu5d--xyz-abc/", "SWE3jxza7qbzvu5d/"},
         {"SWEabcdefghijklm-xyz", "SWEabcdefghijklm"}, /* no digit, but the proper form */
         {"internationalist-xyz", NULL},               /* an ordinary word of 16 letters */
         {"SWE3jxza7qbzvu5d", NULL},
