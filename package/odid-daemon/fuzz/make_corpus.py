@@ -178,7 +178,7 @@ def message_inputs():
 
 
 def main():
-    for name, inputs in (("fuzz_telemetry", telemetry_inputs), ("fuzz_messages", message_inputs)):
+    for name, inputs in (("telemetry", telemetry_inputs), ("messages", message_inputs)):
         folder = HERE / "corpus" / name
         folder.mkdir(parents=True, exist_ok=True)
         for label, data in inputs():

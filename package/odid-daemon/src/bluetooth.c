@@ -92,7 +92,8 @@ static void open_adapter(struct bluetooth_adapter *adapter, int64_t now_us)
     }
     adapter->step = STEP_RESET;
     adapter->awaited = 0;
-    adapter->repair = adapter->full = adapter->slow = false;
+    adapter->repair = STEP_ON_AIR;
+    adapter->enabling_again = adapter->full = adapter->slow = false;
     for (int i = 0; i < BLUETOOTH_SETS; i++) {
         const struct bluetooth_advertising *set = &adapter->sets[i];
 

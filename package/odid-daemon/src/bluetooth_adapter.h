@@ -61,8 +61,9 @@ struct bluetooth_adapter {
     bool coding_selection;      /* S=8 can be asked for */
     bool slow;                  /* refused 20 ms */
     bool reset_first;           /* the last set-up was refused */
-    bool repair;                /* set up again as soon as may be, ... */
-    int64_t repair_from_us;     /* ... not before this, ... */
+    enum bluetooth_step repair; /* from where to set up again; STEP_ON_AIR: nothing to repair */
+    bool enabling_again;        /* a repair by that single command is under way */
+    int64_t repair_from_us;     /* no repair before this, ... */
     int64_t repair_logged_us;   /* ... and not told more than now and then */
     struct bluetooth_advertising sets[BLUETOOTH_SETS];
 };

@@ -134,6 +134,9 @@ static void take_step_answer(struct bluetooth_adapter *adapter, const struct ans
         /* Nothing to disable, no sets to clear: as good as done. */
         if (adapter->step == STEP_DISABLE || adapter->step == STEP_CLEAR) {
             adapter->step++;
+        } else if (adapter->enabling_again) {
+            adapter->enabling_again = false;
+            adapter->step = STEP_DISABLE; /* it takes more than that */
         } else if (!ask_for_less(adapter, answer, now_us)) {
             refused(adapter, answer, now_us);
         }
@@ -146,6 +149,7 @@ static void take_step_answer(struct bluetooth_adapter *adapter, const struct ans
         }
         take_features(adapter, answer->rest, now_us);
     } else if (adapter->step == STEP_ENABLE) {
+        adapter->enabling_again = false;
         come_on_air(adapter, now_us);
     }
     adapter->step++;
@@ -153,10 +157,12 @@ static void take_step_answer(struct bluetooth_adapter *adapter, const struct ans
 
 /* ---- on air ---- */
 
-static void set_up_again(struct bluetooth_adapter *adapter, const char *why,
-                         const struct answer *answer, int64_t now_us)
+static void set_up_again(struct bluetooth_adapter *adapter, enum bluetooth_step from,
+                         const char *why, const struct answer *answer, int64_t now_us)
 {
-    adapter->repair = true;
+    if (from < adapter->repair) {
+        adapter->repair = from;
+    }
     if (now_us - adapter->repair_logged_us >= LOG_REPAIR_EVERY_US) {
         adapter->repair_logged_us = now_us;
         log_warning("%s: %s (command 0x%04x, status 0x%02x): advertising is set up again",
@@ -172,7 +178,7 @@ static void take_data_answer(struct bluetooth_adapter *adapter, const struct ans
 
     if (answer->status != BLUETOOTH_SUCCESS) {
         set->radio->failures++;
-        set_up_again(adapter, "new data was refused", answer, now_us);
+        set_up_again(adapter, STEP_DISABLE, "new data was refused", answer, now_us);
         return;
     }
     radio_accepted(set->radio, set->channel, now_us);
@@ -185,6 +191,10 @@ static void take_data_answer(struct bluetooth_adapter *adapter, const struct ans
 static void take_foreign(struct bluetooth_adapter *adapter, const struct answer *answer,
                          int64_t now_us)
 {
+    /* One that switches advertising off is undone by switching it on. */
+    bool was_enable =
+        answer->opcode == BLUETOOTH_SET_ENABLE || answer->opcode == BLUETOOTH_SET_EXTENDED_ENABLE;
+
     if (adapter->step <= STEP_FEATURES || answer->status != BLUETOOTH_SUCCESS ||
         !bluetooth_changes_advertising(answer->opcode)) {
         return;
@@ -194,7 +204,8 @@ static void take_foreign(struct bluetooth_adapter *adapter, const struct answer 
             adapter->sets[i].radio->repairs++;
         }
     }
-    set_up_again(adapter, "another program interfered", answer, now_us);
+    set_up_again(adapter, was_enable ? STEP_ENABLE : STEP_DISABLE, "another program interfered",
+                 answer, now_us);
 }
 
 /* ---- events ---- */

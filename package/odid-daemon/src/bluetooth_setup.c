@@ -165,19 +165,21 @@ static void send_newest(struct bluetooth_adapter *adapter, int64_t now_us)
     }
 }
 
-/* Begins the set-up again when that is asked for. Too early, it is put off. */
+/* Goes back in the set-up when that is asked for. Too early, it is put off. */
 static void begin_repair(struct bluetooth_adapter *adapter, int64_t now_us)
 {
-    if (!adapter->repair) {
+    if (adapter->repair >= adapter->step) {
+        adapter->repair = STEP_ON_AIR; /* that part is still to come anyway */
         return;
     }
     if (now_us < adapter->repair_from_us) {
         loop_arm(&adapter->timer, adapter->repair_from_us);
         return;
     }
-    adapter->repair = false;
+    adapter->step = adapter->repair;
+    adapter->enabling_again = adapter->repair == STEP_ENABLE;
+    adapter->repair = STEP_ON_AIR;
     adapter->repair_from_us = now_us + BLUETOOTH_REPAIR_EVERY_US;
-    adapter->step = STEP_DISABLE;
 }
 
 void bluetooth_advance(struct bluetooth_adapter *adapter, int64_t now_us)

@@ -92,6 +92,20 @@ static const char *not_ini(const char *text, size_t length)
     return is_utf16(text, length) ? foreign[0].what : NULL;
 }
 
+/* ---- after a secret was read ---- */
+
+/*
+ * The buffers are cleared where they are; what is left is what the compiler
+ * and the dynamic linker put on the stack of their own, in calls that have
+ * returned.
+ */
+__attribute__((noinline)) static void clear_stack_below(void)
+{
+    char dead[16384];
+
+    explicit_bzero(dead, sizeof(dead));
+}
+
 /* ---- INI text ---- */
 
 /* A place needs both: half of one is none. */
@@ -119,6 +133,7 @@ unsigned config_parse(struct config *config, const char *name, const char *text,
         length -= 3;
     }
     config_ini_read(config, &source, text, length);
+    clear_stack_below();
     check_place(&source, "[system] operator_latitude and operator_longitude",
                 &config->operator_latitude_deg, &config->operator_longitude_deg);
     check_place(&source, "[bench] latitude and longitude", &config->bench_latitude_deg,
@@ -232,6 +247,7 @@ unsigned config_read_environment(struct config *config, const char *(*getenv_fn)
             take_variable(config, &source, i, text);
         }
     }
+    clear_stack_below();
     if (is_yes(getenv_fn, &source, "ODID_NO_WIFI")) {
         config->wifi_beacon_enabled = false;
     }

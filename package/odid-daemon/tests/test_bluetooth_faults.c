@@ -27,14 +27,30 @@ static void start_whole(void)
 
 static void a_foreign_disable_is_undone_within_a_slot(void **state)
 {
+    unsigned n;
+
     (void)state;
     start_whole();
+    n = fake.count;
     fake_foreign(&fake, 0x2039, off, sizeof(off));
     assert_false(fake.sets[0].enabled);
     assert_true(loop_until(is_whole, 125));
     assert_int_equal(bt4.repairs, 1);
     assert_int_equal(bt5.repairs, 1);
     assert_int_equal(bt4.state, RADIO_ON_AIR);
+    assert_int_equal(count_since(n, 0x2036) + count_since(n, 0x207F), 0); /* by one command */
+}
+
+static void enabling_that_is_refused_makes_a_whole_set_up(void **state)
+{
+    (void)state;
+    start_whole();
+    fake_foreign(&fake, 0x2039, off, sizeof(off));
+    fake.refused = 0x2039;
+    fake.refusal = 0x0C;
+    assert_true(loop_until(is_whole, 125));
+    assert_int_equal(bt4.starts, 1);
+    assert_int_equal(bt4.failures, 0);
 }
 
 static void a_foreign_disable_of_a_legacy_controller_is_undone(void **state)
@@ -269,6 +285,7 @@ int main(void)
 #define TEST(name) cmocka_unit_test_teardown(name, end)
     const struct CMUnitTest tests[] = {
         TEST(a_foreign_disable_is_undone_within_a_slot),
+        TEST(enabling_that_is_refused_makes_a_whole_set_up),
         TEST(a_foreign_disable_of_a_legacy_controller_is_undone),
         TEST(after_a_foreign_reset_the_address_is_set_again),
         TEST(after_a_foreign_reset_of_a_legacy_controller_the_address_is_set_again),

@@ -1,0 +1,57 @@
+/* A snapshot of the aircraft with which nothing is wrong, and its JSON. */
+#ifndef ODID_STATUS_FIXTURE_H
+#define ODID_STATUS_FIXTURE_H
+
+#include "health_fixture.h"
+#include "loop.h"
+#include "status_json.h"
+
+/* After so many the loop ends. */
+#define QUESTIONS 3
+
+static struct telemetry_counters counters;
+static struct status_lateness lateness;
+static char sentences[2][CONFIG_PROBLEM_SIZE];
+
+static inline int reset(void **state)
+{
+    (void)state;
+    fixture_reset();
+    counters = (struct telemetry_counters){.frames = 12345, .bad_crc = 3, .other_system = 2};
+    memset(&lateness, 0, sizeof(lateness));
+    memset(sentences, 0, sizeof(sentences));
+    return 0;
+}
+
+static inline void gather(void *context, struct status_snapshot *snapshot, int64_t now_us)
+{
+    unsigned *calls = context;
+
+    *calls += 1;
+    if (*calls == QUESTIONS) {
+        loop_stop();
+    }
+    snapshot->input = fixture.input;
+    health_judge(&snapshot->health, &fixture.input, now_us);
+    snapshot->counters = &counters;
+    snapshot->lateness = &lateness;
+    snapshot->start_us = NOW - 90000000;
+    snapshot->vehicle = 1;
+    while (snapshot->config_reports < 2 && sentences[snapshot->config_reports][0] != '\0') {
+        snapshot->config_reports++;
+    }
+    snapshot->config_report = (const char(*)[CONFIG_PROBLEM_SIZE])sentences;
+}
+
+static inline struct json_object *make_json(void)
+{
+    struct status_snapshot snapshot = {0};
+    unsigned calls = 0;
+
+    gather(&calls, &snapshot, NOW);
+    return status_json(&snapshot, NOW);
+}
+
+#define TEST(name) cmocka_unit_test_setup(name, reset)
+
+#endif
