@@ -5,7 +5,9 @@
   LOSS=<model>     receptions that the listener drops
 """
 
+import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -20,6 +22,7 @@ from host.flight import write_flight
 FOLDER = parts.ROOT / "build/demo"
 RECORDED = "arduplane-vtol-sitl.tlog"
 LEAD_S = 2.0  # positions flow before the judging begins
+STATUS_BEFORE_END_S = 3
 
 
 def choose_flight(seconds):
@@ -37,14 +40,53 @@ def choose_flight(seconds):
     return generated, f"a generated flight ({recorded} isn't there)"
 
 
-def show_status(bench):
-    print("\n--- odidctl status, while flying " + "-" * 45)
-    subprocess.run([parts.CONTROL, "-run-dir", bench.folder / "run", "status"], check=False)
+def wanted_seconds():
+    text = os.environ.get("SECONDS") or "30"
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = 0
+    if not 5 <= seconds <= 3600:
+        sys.exit(f"demo: SECONDS={text}: expected a number from 5 to 3600")
+    return seconds
+
+
+def listen(bench, seconds, title):
+    """The judge's table, live, and its report. Returns the judge's exit code and odidctl's answer,
+    asked for in flight; it is shown later, because the table is drawn in place."""
+    judge = bench.judge(seconds, "--played", FOLDER / "played.jsonl", "--expect", "bt4,bt5,wifi",
+                        "--title", title, quiet=False, show=True)
+    try:
+        time.sleep(max(0, seconds - STATUS_BEFORE_END_S))
+        status = subprocess.run([parts.CONTROL, "-run-dir", bench.folder / "run", "status"],
+                                capture_output=True, text=True, timeout=10)
+        return judge.wait(timeout=90), status
+    finally:
+        if judge.poll() is None:
+            judge.terminate()
+            judge.wait()
+
+
+def conclude(code, status):
+    """The demo passes when the judge does and odidctl says that all is on the air."""
+    print(f"\n--- odidctl status, {STATUS_BEFORE_END_S} s before the end, in flight ---")
+    print(status.stdout + status.stderr)
+    if status.returncode != 0:
+        print(f"odidctl ended with {status.returncode}: not everything required was on the air")
+        path = FOLDER / "figures.json"
+        path.write_text(json.dumps({**json.loads(path.read_text()), "verdict": "FAIL"}, indent=1) + "\n")
+        code = code or 1
+    print(f"In {FOLDER.relative_to(parts.ROOT)}: report.txt, report.png, figures.json, receptions.jsonl\n"
+          f"{'PASS' if code == 0 else 'FAIL'}")
+    return code
 
 
 def main():
-    seconds = float(os.environ.get("SECONDS", "30"))
+    seconds = wanted_seconds()
+    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))  # ends its parts, too
     FOLDER.mkdir(parents=True, exist_ok=True)
+    for old in ("report.txt", "report.png", "figures.json", "receptions.jsonl"):
+        (FOLDER / old).unlink(missing_ok=True)
     flight, sentence = choose_flight(seconds)
     print(f"Playing {sentence} for {seconds:g} s at real speed.\n"
           "Real: odid-daemon, its H4 and hostapd-control sides, the judge. Models: the Bluetooth\n"
@@ -53,22 +95,14 @@ def main():
     try:
         bench.start_daemon()
         bench.wait_on_air()
-        bench.play(flight, seconds=seconds + LEAD_S + 15)
+        player = bench.play(flight, seconds=seconds + LEAD_S + 15)
         time.sleep(LEAD_S)
-        judge = bench.judge(seconds, "--played", FOLDER / "played.jsonl", "--expect", "bt4,bt5,wifi",
-                            "--title", f"make demo: {flight.name}", quiet=False, show=True)
-        try:
-            time.sleep(max(0, seconds - 3))
-            show_status(bench)
-            code = judge.wait(timeout=60)
-        finally:
-            if judge.poll() is None:
-                judge.terminate()
-                judge.wait()
+        if player.process.poll() is not None:
+            raise RuntimeError(f"the flight can't be played: {player.log().strip()}")
+        code, status = listen(bench, seconds, f"make demo: {flight.name}")
     finally:
         bench.stop()
-    print(f"\nIn {FOLDER.relative_to(parts.ROOT)}: report.txt, report.png, figures.json, receptions.jsonl")
-    return code
+    return conclude(code, status)
 
 
 if __name__ == "__main__":

@@ -4,6 +4,9 @@ Two independent deadlines looked at on a 50 ms tick: Location every 1000 ms, and
 four messages every 750 ms. Legacy advertising at 100 ms, the payload rewritten at each deadline.
 Every 3 s both fall into one tick: the second payload replaces the first before the controller has
 sent it. The model's own log, like the study's, knows nothing of that: only a receiver does.
+
+The tick is a plain sleep and a deadline counts from the last sending. That is our reading of the
+published figures: absolute deadlines would give a mean of 1.000 s, not 1.005 s.
 """
 
 import argparse
@@ -69,20 +72,19 @@ def run(port, seconds):
     controller.advertise(location(0), 0)
     controller.command(0x200A, b"\x01")
     start = time.monotonic()
-    location_due, other_due, tick, turn = start, start, start, 0
-    while tick < start + seconds:
-        if tick >= location_due:
+    location_sent, other_sent, turn = start - LOCATION_S, start - OTHER_S, 0
+    while (now := time.monotonic()) < start + seconds:
+        if now - location_sent >= LOCATION_S:
             counters[1] = counters[1] + 1 & 0xFF
             controller.advertise(location(len(log)), counters[1])
             log.append(time.monotonic())
-            location_due += LOCATION_S
-        if tick >= other_due:
+            location_sent = now
+        if now - other_sent >= OTHER_S:
             kind, build = others[turn % len(others)]
             controller.advertise(build(), counters[kind])
             turn += 1
-            other_due += OTHER_S
-        tick += TICK_S
-        time.sleep(max(0, tick - time.monotonic()))
+            other_sent = now
+        time.sleep(TICK_S)
     return log
 
 

@@ -120,8 +120,10 @@ class Hostapd:
             case ["SET", *_]:
                 return "FAIL\n"  # no other variable is modelled
             case ["UPDATE_BEACON"]:
+                if not self.enabled:
+                    return "FAIL\n"
                 self.active = self.given
-                return "OK\n" if self.enabled else "FAIL\n"
+                return "OK\n"
         return "UNKNOWN COMMAND\n"
 
     def on_request(self):

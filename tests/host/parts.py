@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -104,9 +105,11 @@ class Bench:
             stale.unlink()
         for stale in (self.set_log, self.pcap, self.folder / "played.jsonl"):
             stale.unlink(missing_ok=True)
+        if (self.folder / "run").exists():
+            shutil.rmtree(self.folder / "run")  # another flight's take-off point is in it
         self.rootcanal = Rootcanal(self.folder / "rootcanal.log")
         try:
-            self.front = self._add(Part(
+            self.front = self.add(Part(
                 python("host.front", "--pty", self.folder / "bt", "--hci-port",
                        self.rootcanal.hci_port, "--mode", mode, "--set-log", self.set_log),
                 self.folder / "front.log", orders=True, raised=True))
@@ -118,14 +121,14 @@ class Bench:
             self.stop()
             raise
 
-    def _add(self, part):
+    def add(self, part):
         self.parts.append(part)
         return part
 
     def start_hostapd(self):
         control = self.folder / "hostapd" / IFACE
         control.unlink(missing_ok=True)
-        self.hostapd = self._add(Part(
+        self.hostapd = self.add(Part(
             python("host.hostapd", "--dir", self.folder / "hostapd", "--iface", IFACE,
                    "--pcap", self.pcap), self.folder / "hostapd.log", orders=True, raised=True))
         wait_for("hostapd's socket", control.exists, 5, self.hostapd)
@@ -146,7 +149,7 @@ class Bench:
 
     def start_daemon(self, *flags):
         self.udp_port = getattr(self, "udp_port", None) or free_udp_port()
-        self.daemon = self._add(Part([DAEMON, "-config", self.write_config(), *flags],
+        self.daemon = self.add(Part([DAEMON, "-config", self.write_config(), *flags],
                                      self.folder / "daemon.log"))
         return self.daemon
 
@@ -168,7 +171,7 @@ class Bench:
                      "--answers", self.folder / "answers.jsonl"]
         if seconds:
             arguments += ["--seconds", seconds]
-        return self._add(Part(python("host.player", *arguments), self.folder / "player.log", orders=True,
+        return self.add(Part(python("host.player", *arguments), self.folder / "player.log", orders=True,
                               raised=True))
 
     def judge(self, seconds, *arguments, quiet=True, out=None, show=False):
@@ -182,7 +185,7 @@ class Bench:
             words.append("--quiet")
         if show:
             return subprocess.Popen([str(word) for word in words], env=environment(), cwd=ROOT)
-        return self._add(Part(words, Path(f"{out or self.folder / 'judge'}.log")))
+        return self.add(Part(words, Path(f"{out or self.folder / 'judge'}.log")))
 
     def stop(self):
         for part in reversed(self.parts):

@@ -12,6 +12,7 @@
  *   6     an extended payload: length, filling
  *   7     the line is cut
  */
+#include <signal.h>
 #include <string.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -249,6 +250,7 @@ int LLVMFuzzerInitialize(int *count, char ***arguments)
 {
     (void)count;
     (void)arguments;
+    MUST(signal(SIGPIPE, SIG_IGN) != SIG_ERR); /* a cut line would be none on a serial port */
     MUST(loop_init() == 0);
     loop_timer_init(&rounds_timer, on_round, NULL);
     config.bt4_enabled = config.bt5_enabled = true;

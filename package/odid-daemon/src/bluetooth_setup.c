@@ -1,5 +1,8 @@
 #include "bluetooth_adapter.h"
 
+/* The random delay of each advertising event (at most 10 ms), and what a clock may be off. */
+#define HOLD_MARGIN_US 12000
+
 /* ---- commands ---- */
 
 static void command(struct bluetooth_adapter *adapter, uint16_t opcode, const uint8_t *parameters,
@@ -155,12 +158,34 @@ static void send_step(struct bluetooth_adapter *adapter, int64_t now_us)
     }
 }
 
+/*
+ * Until when the payload that is set has to stay: what is replaced within an
+ * advertising interval and its random 10 ms may never be sent. The schedule's
+ * slots are longer than that; a controller that answered late makes one short.
+ */
+static int64_t held_until_us(const struct bluetooth_adapter *adapter, enum bluetooth_set set)
+{
+    int64_t accepted_us = adapter->sets[set].radio->accepted_us;
+    int64_t interval_us = set == BLUETOOTH_LONG_RANGE ? 200000 : adapter->slow ? 100000 : 20000;
+
+    return accepted_us == INT64_MIN ? INT64_MIN : accepted_us + interval_us + HOLD_MARGIN_US;
+}
+
 static void send_newest(struct bluetooth_adapter *adapter, int64_t now_us)
 {
     for (enum bluetooth_set set = 0; set < BLUETOOTH_SETS; set++) {
-        if (adapter->sets[set].possible && adapter->sets[set].pending) {
+        int64_t due_us;
+
+        if (!adapter->sets[set].possible || !adapter->sets[set].pending) {
+            continue;
+        }
+        due_us = held_until_us(adapter, set);
+        if (due_us <= now_us) {
             send_data(adapter, set, now_us);
             return;
+        }
+        if (due_us < adapter->timer.deadline_us) {
+            loop_arm(&adapter->timer, due_us);
         }
     }
 }

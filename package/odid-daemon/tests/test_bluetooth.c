@@ -175,6 +175,7 @@ static void a_payload_is_taken_when_the_controller_says_so(void **state)
 
     (void)state;
     start_on_air(CAPABLE);
+    run_ms(40); /* the first payload has been sent */
     before = bt4.payloads;
     fake.holds = true;
     set_legacy(2);
@@ -186,6 +187,27 @@ static void a_payload_is_taken_when_the_controller_says_so(void **state)
     assert_true(loop_now_us() - bt4.accepted_us < 100000);
 }
 
+/* What is replaced within an interval and its random 10 ms may never be on the air. */
+static void a_payload_stays_until_it_must_have_been_sent(void **state)
+{
+    int64_t accepted_us;
+
+    (void)state;
+    start(0);
+    fake.interval_min = 0xA0;
+    begin();
+    set_legacy(1);
+    assert_true(loop_until(legacy_on_air, 500));
+    accepted_us = bt4.accepted_us;
+    run_ms(60); /* the controller was late: half of the slot is over */
+    set_legacy(2);
+    run_ms(40);
+    assert_int_equal(fake.sets[0].data[5], 1);
+    run_ms(30);
+    assert_int_equal(fake.sets[0].data[5], 2);
+    assert_true(bt4.accepted_us - accepted_us >= 110000);
+}
+
 /* While the controller is slow: the newest wins, and legacy goes first. */
 static void what_was_overtaken_is_not_sent(void **state)
 {
@@ -193,6 +215,7 @@ static void what_was_overtaken_is_not_sent(void **state)
 
     (void)state;
     start_on_air(CAPABLE);
+    run_ms(220); /* the first payloads have been sent */
     fake.holds = true;
     n = fake.count;
     set_extended(10);
@@ -205,7 +228,7 @@ static void what_was_overtaken_is_not_sent(void **state)
     assert_int_equal(fake.count, n + 1); /* one command at a time */
     for (int i = 0; i < 3; i++) {
         fake_release(&fake);
-        run_ms(5);
+        run_ms(i == 1 ? 220 : 5); /* what is set stays for as long as it takes to be sent */
     }
     assert_int_equal(fake.count, n + 3);
     assert_int_equal(fake.commands[n].parameters[4 + 5], 10);
@@ -280,6 +303,7 @@ int main(void)
         TEST(nothing_is_advertised_before_there_is_a_payload),
         TEST(one_alone_can_be_switched_on),
         TEST(a_payload_is_taken_when_the_controller_says_so),
+        TEST(a_payload_stays_until_it_must_have_been_sent),
         TEST(what_was_overtaken_is_not_sent),
         TEST(a_controller_without_room_is_waited_for),
         TEST(long_range_may_have_an_adapter_of_its_own),

@@ -1,0 +1,50 @@
+"""The bench as a fixture. What it is made of: README.md."""
+
+import shutil
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from host import parts
+from host.air import Air
+
+
+@pytest.fixture
+def short_folder():
+    """A folder of the test's own whose path fits a UNIX socket's 108 octets, open to every user."""
+    folder = Path(tempfile.mkdtemp(prefix="odid-"))
+    folder.chmod(0o755)
+    yield folder
+    shutil.rmtree(folder)
+
+
+@pytest.fixture
+def bench(short_folder):
+    """Starts benches: `one = bench(settings={"self_id": {...}}, mode="bcm43455", flight=path)`.
+
+    Each is a parts.Bench, the daemon started and what `channels` names on the air, with `heard(channel,
+    seconds)` and `air` beside its own status(), daemon.log(), daemon.stop(signal), front.order(...),
+    hostapd.order(...). All that was started ends with the test.
+    """
+    started = []
+
+    def start(settings=None, mode="full", flight=None, hostapd=True, channels=None, flags=()):
+        one = parts.Bench(short_folder / str(len(started)), mode=mode, settings=settings, hostapd=hostapd)
+        started.append(one)
+        one.air = Air(one.rootcanal.hci_port, one.pcap if hostapd else None)
+        one.heard = one.air.heard
+        if channels is None:
+            channels = ["bt4"] + ["bt5"] * (mode == "full") + ["wifi"] * hostapd
+        one.start_daemon(*flags)
+        one.wait_on_air(channels)
+        if flight is not None:
+            one.play(flight)
+        return one
+
+    yield start
+    for one in started:
+        print(f"--- the daemon's log, {one.folder.name} ---\n{one.daemon.log() if one.daemon else ''}")
+        one.stop()
+        if hasattr(one, "air"):
+            one.air.stop()

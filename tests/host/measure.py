@@ -1,0 +1,82 @@
+"""What a process costs, what loads the machine, and what a host's own log would say."""
+
+import json
+import shutil
+import statistics
+import subprocess
+import time
+from pathlib import Path
+
+HELLO = """#include <stdio.h>
+#include <unistd.h>
+int main(void)
+{
+    puts("hello");
+    return pause();
+}
+"""
+LOCATION = 1  # message type, the high nibble of the message's first octet
+MESSAGE_AT = 6  # in legacy advertising data: length, type, UUID, application code, counter
+
+
+def memory_kib(pid):
+    """VmRSS and RssAnon."""
+    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    return {line.split(":")[0]: int(line.split()[1]) for line in lines
+            if line.startswith(("VmRSS", "RssAnon"))}
+
+
+def cpu_ms(pid):
+    """CPU time of a single-threaded process so far; the scheduler counts it in nanoseconds."""
+    return int(Path(f"/proc/{pid}/schedstat").read_text().split()[0]) / 1e6
+
+
+def hello_world_kib(folder):
+    """The same figures of a C program that does nothing, on this machine."""
+    source, program = folder / "hello.c", folder / "hello"
+    source.write_text(HELLO)
+    subprocess.run(["cc", "-O2", "-o", program, source], check=True)
+    with subprocess.Popen([program], stdout=subprocess.PIPE) as process:
+        time.sleep(0.3)
+        figures = memory_kib(process.pid)
+        process.kill()
+    return figures
+
+
+class Load:
+    """stress-ng beside the run; without options none."""
+
+    def __init__(self, options, seconds):
+        self.process = None
+        if options:
+            if not shutil.which("stress-ng"):
+                raise FileNotFoundError("stress-ng isn't installed: make setup")
+            self.process = subprocess.Popen(
+                ["stress-ng", *options.split(), "--timeout", str(int(seconds)), "--quiet"],
+                stdin=subprocess.DEVNULL)
+            time.sleep(1)
+
+    def is_running(self):
+        return self.process is None or self.process.poll() is None
+
+    def stop(self):
+        if self.process:
+            self.process.terminate()
+            self.process.wait()
+
+
+def interval_figures(times_s):
+    """As the field study gives them for its own log."""
+    gaps_s = [later - earlier for earlier, later in zip(times_s, times_s[1:])]
+    if not gaps_s:
+        return {}
+    return {"host_location_mean_s": statistics.fmean(gaps_s),
+            "host_location_sigma_ms": statistics.pstdev(gaps_s) * 1000,
+            "host_location_max_s": max(gaps_s)}
+
+
+def host_locations_s(set_log):
+    """When a Location was given to the controller for Bluetooth 4."""
+    rows = map(json.loads, Path(set_log).read_text().splitlines())
+    return [row["mono"] for row in rows if row["channel"] == "bt4"
+            and bytes.fromhex(row["data"])[MESSAGE_AT] >> 4 == LOCATION]

@@ -1,0 +1,94 @@
+"""Single runs of `make bench`: a flight through the daemon, the same with losses, the field study's model."""
+
+import json
+import shutil
+import subprocess
+import time
+
+from . import measure, parts
+
+LEAD_S = 2.0  # positions flow before the judging begins
+SETTLE_S = 3.0  # the daemon's start isn't part of its flight
+MODEL_ADDRESS = "C6:05:04:03:02:01"
+
+
+def fresh(folder):
+    """Nothing of an earlier run may be taken for this one's."""
+    if folder.exists():
+        shutil.rmtree(folder)
+    folder.mkdir(parents=True)
+    return folder
+
+
+def _read_figures(folder, log):
+    path = folder / "figures.json"
+    if not path.exists():
+        raise RuntimeError(f"{folder.name}: the judge left no figures: {log[-2000:]}")
+    return json.loads(path.read_text())
+
+
+def fly(folder, flight, seconds, mode="full", load=None):
+    """A flight in real time. Returns the judge's figures, and what was measured of the daemon."""
+    bench = parts.Bench(fresh(folder), mode=mode)
+    channels = ("bt4", "bt5", "wifi") if mode == "full" else ("bt4", "wifi")
+    stress = measure.Load(None, 0)
+    try:
+        bench.start_daemon()
+        bench.wait_on_air(channels)
+        player = bench.play(flight, seconds=seconds + LEAD_S + 15)
+        time.sleep(LEAD_S)
+        stress = measure.Load(load, seconds + 60)
+        judge = bench.judge(seconds, "--played", folder / "played.jsonl", "--expect", ",".join(channels),
+                            "--title", folder.name)
+        pid = bench.daemon.process.pid
+        time.sleep(min(SETTLE_S, seconds / 4))
+        before, cpu_before_ms, from_s = measure.memory_kib(pid), measure.cpu_ms(pid), time.monotonic()
+        time.sleep(max(1, seconds - SETTLE_S))
+        after, cpu_after_ms, to_s = measure.memory_kib(pid), measure.cpu_ms(pid), time.monotonic()
+        status = bench.status()
+        judge.process.wait(timeout=120)
+        for part, what in ((player, "the player"), (bench.daemon, "the daemon")):
+            if part.process.poll() is not None:
+                raise RuntimeError(f"{folder.name}: {what} ended early: {part.log()[-2000:]}")
+        if not stress.is_running():
+            raise RuntimeError(f"{folder.name}: stress-ng ended before the run did")
+    finally:
+        stress.stop()
+        bench.stop()
+    figures = _read_figures(folder, judge.log())
+    figures.update(measure.interval_figures(measure.host_locations_s(bench.set_log)))
+    figures.update(rss_anon_kib=after["RssAnon"], rss_anon_growth_kib=after["RssAnon"] - before["RssAnon"],
+                   vm_rss_kib=after["VmRSS"],
+                   cpu_ms_per_s=(cpu_after_ms - cpu_before_ms) / (to_s - from_s),
+                   slot_jitter_p99_ms=status["schedule"]["slot_lateness_p99_us"] / 1000,
+                   slot_jitter_max_ms=status["schedule"]["slot_lateness_max_us"] / 1000,
+                   slots_skipped=status["schedule"]["skipped"], realtime=status["privilege"]["realtime"])
+    return figures
+
+
+def with_losses(folder, loss):
+    """The receptions of a run with a share of them dropped: the edge of range."""
+    out = fresh(folder.with_name(f"{folder.name}-loss"))
+    words = parts.python("receiver", "--receptions", folder / "receptions.jsonl", "--loss", loss,
+                         "--seed", 1, "--out", out, "--quiet", "--expect", "bt4")
+    result = subprocess.run([str(word) for word in words], env=parts.environment(), cwd=parts.ROOT,
+                            capture_output=True, text=True)
+    return _read_figures(out, result.stdout + result.stderr)
+
+
+def model(folder, seconds):
+    """The field study's schedule in the same bench: (what its log says, what the judge says)."""
+    bench = parts.Bench(fresh(folder), hostapd=False)
+    try:
+        transmitter = bench.add(parts.Part(
+            parts.python("host.field_study", "--hci-port", bench.rootcanal.hci_port, "--seconds",
+                         seconds + 6), folder / "model.log", raised=True))
+        time.sleep(1)
+        judge = bench.judge(seconds, "--expect", "bt4", "--address", MODEL_ADDRESS)
+        judge.process.wait(timeout=seconds + 120)
+        if transmitter.process.wait(timeout=30) != 0:
+            raise RuntimeError(f"{folder.name}: the model failed: {transmitter.log()}")
+        own = json.loads(transmitter.log().splitlines()[-1])
+    finally:
+        bench.stop()
+    return own, _read_figures(folder, judge.log())

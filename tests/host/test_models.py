@@ -1,0 +1,331 @@
+"""The models themselves: are they what README.md says they are?"""
+
+import json
+import math
+import os
+import select
+import signal
+import socket
+import struct
+import sys
+import time
+
+import pytest
+
+from host import air, hostapd, parts, tlog
+from host.controller import Rootcanal
+from host.flight import UNDULATION_M, write_flight
+from host.front import Packets
+
+RESET, READ_FEATURES = 0x0C03, 0x2003
+SET_PARAMETERS, SET_DATA, SET_ENABLE = 0x2006, 0x2008, 0x200A
+SET_EXTENDED_PARAMETERS, SET_EXTENDED_DATA = 0x2036, 0x2037
+INTERVAL_20_MS, INTERVAL_100_MS = 0x20, 0xA0
+
+
+def legacy_parameters(interval):
+    return struct.pack("<HHBBB6sBB", interval, interval, 3, 0, 0, bytes(6), 7, 0)
+
+
+def extended_parameters(handle, properties, phy, interval=INTERVAL_20_MS):
+    three = interval.to_bytes(3, "little")
+    return struct.pack("<BH3s3sBBB6sBbBBBBB", handle, properties, three, three, 7, 0, 0, bytes(6), 0,
+                       127, phy, 0, phy, handle, 0)
+
+
+def advertisement(message):
+    return bytes([0x1E, 0x16, 0xFA, 0xFF, 0x0D, 7]) + message.ljust(25, b"\0")
+
+
+class Host:
+    """The other side of the pty: sends commands, reads events."""
+
+    def __init__(self, path):
+        self.fd = os.open(path, os.O_RDWR | os.O_NOCTTY)
+        self.packets, self.events = Packets(), []
+
+    def receive(self, timeout_s=2.0):
+        if not self.events:
+            if not select.select([self.fd], [], [], timeout_s)[0]:
+                return None
+            self.events += self.packets.feed(os.read(self.fd, 4096))
+            return self.receive(timeout_s)
+        return self.events.pop(0)
+
+    def command(self, opcode, parameters=b""):
+        """The answer's status and what follows it."""
+        os.write(self.fd, struct.pack("<BHB", 1, opcode, len(parameters)) + parameters)
+        event = self.receive()
+        assert event is not None, f"no answer to 0x{opcode:04x}"
+        if event[1] == 0x0F:
+            assert event[5] | event[6] << 8 == opcode
+            return event[3], b""
+        assert event[1] == 0x0E and event[4] | event[5] << 8 == opcode
+        return event[6], event[7:]
+
+    def close(self):
+        os.close(self.fd)
+
+
+@pytest.fixture
+def rootcanal(short_folder):
+    model = Rootcanal(short_folder / "rootcanal.log")
+    yield model
+    model.stop()
+
+
+@pytest.fixture
+def front(short_folder, rootcanal):
+    """Starts a front in a mode; gives the part, a host on its pty and the log of set payloads."""
+    started = []
+
+    def start(mode):
+        part = parts.Part(parts.python("host.front", "--pty", short_folder / "bt", "--hci-port",
+                                       rootcanal.hci_port, "--mode", mode, "--set-log",
+                                       short_folder / "set.jsonl"),
+                          short_folder / "front.log", orders=True)
+        assert part.process.stdout.readline() == "done\n", part.log()
+        host = Host(short_folder / "bt")
+        started.append((part, host))
+        assert host.command(RESET)[0] == 0
+        return part, host, short_folder / "set.jsonl"
+
+    yield start
+    for part, host in started:
+        host.close()
+        part.stop()
+
+
+def json_lines(path):
+    return [json.loads(line) for line in path.read_text().splitlines()]
+
+
+# --- the controller ---------------------------------------------------------
+
+
+def test_h4_packets_are_cut_wherever_the_bytes_break():
+    stream = bytes.fromhex("01030c00" "040e0401030c00" "0200000300aabbcc" "0500000200ffff")
+    packets, found = Packets(), []
+    for octet in stream:
+        found += packets.feed(bytes([octet]))
+    assert found == [stream[:4], stream[4:11], stream[11:19], stream[19:]]
+    with pytest.raises(ValueError, match="not H4"):
+        list(Packets().feed(b"\x99"))
+
+
+@pytest.mark.parametrize("mode,newer,at_20_ms,extended", [
+    ("full", True, 0x00, 0x0C), ("legacy20", False, 0x00, 0x01), ("bcm43455", False, 0x12, 0x01)])
+def test_each_mode_is_the_controller_that_it_says(front, mode, newer, at_20_ms, extended):
+    _, host, _ = front(mode)
+    status, features = host.command(READ_FEATURES)
+    assert status == 0 and len(features) == 8
+    assert bool(features[1] & 0x10) == bool(features[1] & 0x08) == newer
+    assert host.command(SET_PARAMETERS, legacy_parameters(INTERVAL_20_MS))[0] == at_20_ms
+    assert host.command(SET_PARAMETERS, legacy_parameters(INTERVAL_100_MS))[0] == 0
+    # After a legacy command a controller that knows the extended ones refuses them as well.
+    assert host.command(SET_EXTENDED_PARAMETERS, extended_parameters(0, 0x10, 1))[0] == extended
+    assert host.command(0x207F, extended_parameters(0, 0x10, 1) + bytes(2))[0] != 0
+
+
+def test_a_legacy_command_after_an_extended_one_is_refused_until_reset(front):
+    _, host, _ = front("full")
+    assert host.command(SET_EXTENDED_PARAMETERS, extended_parameters(0, 0x10, 1))[0] == 0
+    assert host.command(SET_PARAMETERS, legacy_parameters(INTERVAL_100_MS))[0] == 0x0C
+    assert host.command(RESET)[0] == 0
+    assert host.command(SET_PARAMETERS, legacy_parameters(INTERVAL_100_MS))[0] == 0
+
+
+def test_what_was_set_is_logged_with_its_channel_when_it_was_accepted(front):
+    part, host, log = front("full")
+    long_range = bytes([0x05, 0x16, 0xFA, 0xFF, 0x0D, 1])
+    for handle, properties, phy, data in ((0, 0x10, 1, advertisement(b"\x12")), (1, 0, 3, long_range)):
+        assert host.command(SET_EXTENDED_PARAMETERS, extended_parameters(handle, properties, phy, 0xA0))[0] == 0
+        assert host.command(SET_EXTENDED_DATA, bytes([handle, 3, 1, len(data)]) + data)[0] == 0
+    assert part.order("refuse 2037 0c") == "done"
+    assert host.command(SET_EXTENDED_DATA, bytes([0, 3, 1, 3, 2, 1, 6]))[0] == 0x0C
+    rows = json_lines(log)
+    assert [(row["channel"], row["data"]) for row in rows] == [
+        ("bt4", advertisement(b"\x12").hex()), ("bt5", long_range.hex())]
+    assert all(0 <= time.monotonic() - row["mono"] < 5 and row["opcode"] == 0x2037 for row in rows)
+
+
+def test_a_foreign_command_is_done_and_its_completion_shown(front):
+    part, host, _ = front("bcm43455")
+    assert part.order("inject 0a200100") == "done"
+    event = host.receive()
+    assert event[1] == 0x0E and event[4:6] == b"\x0a\x20"
+    assert part.order("inject 0a2001").startswith("error")
+    assert part.order("dance").startswith("error")
+
+
+def test_a_hung_controller_answers_nothing(front):
+    part, host, _ = front("full")
+    assert part.order("mute") == "done"
+    os.write(host.fd, bytes.fromhex("01030c00"))
+    assert host.receive(0.3) is None
+    assert part.order("unmute") == "done"
+    assert host.command(RESET)[0] == 0
+
+
+def test_an_unplugged_controller_hangs_up_and_a_fresh_one_comes(front, short_folder):
+    part, host, _ = front("full")
+    assert part.order("unplug") == "done"
+    assert not (short_folder / "bt").exists()
+    assert select.select([host.fd], [], [], 1)[0]  # readable: the end of it
+    with pytest.raises(OSError):
+        if os.read(host.fd, 10) == b"":
+            raise OSError("end of file")
+    assert part.order("unplug").startswith("error") and part.order("plug") == "done"
+    fresh = Host(short_folder / "bt")
+    assert fresh.command(RESET)[0] == 0
+    fresh.close()
+
+
+def test_what_is_advertised_is_heard_and_what_is_replaced_at_once_is_not(front, rootcanal):
+    _, host, _ = front("bcm43455")
+    ear = air.Air(rootcanal.hci_port)
+    try:
+        assert host.command(SET_PARAMETERS, legacy_parameters(INTERVAL_100_MS))[0] == 0
+        for number, wait_s in ((1, 0.3), (2, 0.0), (3, 0.3)):
+            assert host.command(SET_DATA, bytes([31]) + advertisement(bytes([0x12, number])))[0] == 0
+            assert host.command(SET_ENABLE, b"\x01")[0] == 0
+            time.sleep(wait_s)
+        numbers = [one.data[3] for one in ear.receptions("bt4")]
+    finally:
+        ear.stop()
+    assert set(numbers) == {1, 3} and numbers == sorted(numbers)
+    assert all(one.data[:2] == b"\x0d\x07" for one in ear.receptions("bt4"))
+
+
+def test_the_field_study_loses_a_location_every_three_seconds(rootcanal, short_folder):
+    ear = air.Air(rootcanal.hci_port)
+    model = parts.Part(parts.python("host.field_study", "--hci-port", rootcanal.hci_port, "--seconds", 7),
+                       short_folder / "model.log")
+    try:
+        assert model.process.wait(20) == 0, model.log()
+        times = [one.mono for one in ear.receptions("bt4") if one.data[2] >> 4 == 1]
+    finally:
+        model.stop()
+        ear.stop()
+    own = json.loads(model.log().splitlines()[-1])
+    assert own["host_location_max_s"] < 1.05
+    assert max(later - earlier for earlier, later in zip(times, times[1:])) > 1.7
+
+
+# --- hostapd ----------------------------------------------------------------
+
+
+@pytest.fixture
+def access_point(short_folder):
+    part = parts.Part(parts.python("host.hostapd", "--dir", short_folder / "h", "--pcap",
+                                   short_folder / "b.pcap"), short_folder / "h.log", orders=True)
+    assert part.process.stdout.readline() == "done\n", part.log()
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as client:
+        client.bind(str(short_folder / "client"))
+        client.connect(str(short_folder / "h/wlan0"))
+        client.settimeout(0.5)
+
+        def ask(text):
+            client.send(text.encode())
+            return client.recv(4096).decode()
+        yield part, ask, short_folder / "b.pcap"
+    part.stop()
+
+
+def test_hostapd_answers_as_hostapd_does(access_point):
+    part, ask, _ = access_point
+    assert ask("PING") == "PONG\n"
+    assert "state=ENABLED\n" in ask("STATUS")
+    assert ask("SET vendor_elements dd03fa0bbc") == "OK\n"
+    assert ask("SET vendor_elements dd0") == ask("SET vendor_elements zz") == "FAIL\n"
+    assert ask("DANCE") == "UNKNOWN COMMAND\n"
+    assert part.order("fail 1") == "done"
+    assert [ask("SET vendor_elements dd00") for _ in range(2)] == ["FAIL\n", "OK\n"]
+    assert part.order("disabled") == "done"
+    assert "state=DISABLED\n" in ask("STATUS") and ask("UPDATE_BEACON") == "FAIL\n"
+    assert part.order("mute") == "done"
+    with pytest.raises(TimeoutError):
+        ask("PING")
+
+
+def test_an_element_is_in_the_beacons_from_the_update_on(access_point):
+    _, ask, pcap = access_point
+    assert ask("SET vendor_elements dd06fa0bbc0d0142") == "OK\n"
+    time.sleep(0.25)
+    assert air.beacons(pcap) == []
+    assert ask("UPDATE_BEACON") == "OK\n"
+    time.sleep(0.65)
+    found = air.beacons(pcap)
+    assert 5 <= len(found) <= 7
+    assert {(one.data, one.address) for one in found} == {(b"\x0d\x01\x42", hostapd.BSSID.hex(":").upper())}
+    gaps = [later.mono - earlier.mono for earlier, later in zip(found, found[1:])]
+    assert sum(gaps) / len(gaps) == pytest.approx(0.1024, abs=0.01)
+
+
+# --- the flight and its player ----------------------------------------------
+
+
+def test_the_generated_flight_agrees_with_itself(tmp_path):
+    write_flight(tmp_path / "a.tlog", 30)
+    write_flight(tmp_path / "b.tlog", 30)
+    assert (tmp_path / "a.tlog").read_bytes() == (tmp_path / "b.tlog").read_bytes()
+    decoder, found = tlog.Decoder(), {}
+    for time_s, frame in tlog.read(tmp_path / "a.tlog"):
+        for message in decoder.messages(frame):
+            found.setdefault(message.get_type(), []).append((time_s, message))
+    places = found["GLOBAL_POSITION_INT"]
+    assert len(places) == 150
+    moving = [one for one in places if math.hypot(one[1].vx, one[1].vy) > 300]
+    assert len(moving) > 100
+    for (_, before), (_, after) in zip(moving, moving[1:]):
+        seconds = (after.time_boot_ms - before.time_boot_ms) / 1000
+        north_m = (after.lat - before.lat) * 1e-7 * 111319.49
+        assert north_m == pytest.approx((before.vx + after.vx) / 200 * seconds, abs=0.2)
+        climb_m = (after.alt - before.alt) / 1000
+        assert climb_m == pytest.approx(-(before.vz + after.vz) / 200 * seconds, abs=0.2)
+        assert (before.lat, before.lon) != (after.lat, after.lon)
+    gnss = found["GPS_RAW_INT"][-1][1]
+    assert gnss.alt_ellipsoid - gnss.alt == UNDULATION_M * 1000
+    armed = [bool(message.base_mode & 0x80) for _, message in found["HEARTBEAT"]]
+    assert not armed[0] and armed[-1]
+
+
+def test_the_player_keeps_bytes_and_time(tmp_path):
+    flight = tmp_path / "flight.tlog"
+    write_flight(flight, 3)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ear:
+        ear.bind(("127.0.0.1", 0))
+        ear.settimeout(2)
+        player = parts.Part([sys.executable, "-m", "host.player", flight, "--to",
+                             f"udp:127.0.0.1:{ear.getsockname()[1]}", "--seconds", "1.5",
+                             "--played", tmp_path / "played.jsonl", "--answers", tmp_path / "answers.jsonl"],
+                            tmp_path / "player.log", orders=True)
+        try:
+            expected = [(stamp, frame) for stamp, frame in tlog.read(flight)]
+            expected = [(stamp - expected[0][0], frame) for stamp, frame in expected
+                        if stamp - expected[0][0] <= 1.5]
+            heard = []
+            for _ in expected:
+                frame, sender = ear.recvfrom(512)
+                heard.append((time.monotonic(), frame))
+            heartbeat = tlog.mavlink.MAVLink_heartbeat_message(34, 8, 0, 0, 4, 3)
+            ear.sendto(heartbeat.pack(tlog.mavlink.MAVLink(None, srcSystem=1, srcComponent=236)), sender)
+            parts.wait_for("the answer", (tmp_path / "answers.jsonl").read_text, 2, player)
+        finally:
+            player.stop(signal.SIGTERM)
+    assert [frame for _, frame in heard] == [frame for _, frame in expected]
+    late = [mono - heard[0][0] - at_s for (mono, _), (at_s, _) in zip(heard, expected)]
+    assert sorted(late)[len(late) // 2] == pytest.approx(0, abs=0.02)
+    answer = json_lines(tmp_path / "answers.jsonl")[0]
+    assert (answer["mavpackettype"], answer["type"], answer["compid"]) == ("HEARTBEAT", 34, 236)
+    played = json_lines(tmp_path / "played.jsonl")
+    assert {row["mavpackettype"] for row in played} >= {"HEARTBEAT", "GLOBAL_POSITION_INT", "SYSTEM_TIME"}
+    assert all(abs(row["time"] - time.time()) < 60 and row["mono"] < time.monotonic() for row in played)
+
+
+def test_what_is_no_log_is_said_clearly(tmp_path):
+    (tmp_path / "empty.tlog").write_bytes(b"")
+    (tmp_path / "other.tlog").write_bytes(b"not a telemetry log at all")
+    for name, sentence in (("empty", "no MAVLink frame"), ("other", "no MAVLink frame")):
+        with pytest.raises(tlog.LogError, match=sentence):
+            tlog.read(tmp_path / f"{name}.tlog")
