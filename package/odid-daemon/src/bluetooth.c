@@ -75,6 +75,7 @@ static void take_open_error(struct bluetooth_adapter *adapter, int error, int64_
         error = -ERFKILL;
     } else if (error == -EAGAIN) {
         state = RADIO_DOWN;
+        retry_reset(&adapter->retry); /* it may be up any moment, and looking costs little */
     }
     snprintf(detail, sizeof(detail), "%s: %s%s", adapter->name,
              error == -EAGAIN ? "down, asked to power up" : strerror(-error),
