@@ -1,9 +1,12 @@
 """Single runs of `make bench`: a flight through the daemon, the same with losses, the field study's model."""
 
+import contextlib
 import json
 import shutil
 import subprocess
+import tempfile
 import time
+from pathlib import Path
 
 from . import measure, parts
 
@@ -20,17 +23,39 @@ def fresh(folder):
     return folder
 
 
+@contextlib.contextmanager
+def in_memory(folder):
+    """A folder in memory for the length of a run, kept as `folder` afterwards.
+
+    The models write as they go. On a disk that is being synced under load they would wait for it,
+    and it is they that would be measured.
+    """
+    fresh(folder)
+    memory = Path("/dev/shm")
+    with tempfile.TemporaryDirectory(prefix="odid-bench-", dir=memory if memory.is_dir() else None) as name:
+        try:
+            yield Path(name)
+        finally:
+            for path in Path(name).iterdir():
+                if path.is_file() and not path.is_symlink():
+                    shutil.copy2(path, folder)
+
+
 def _read_figures(folder, log):
     path = folder / "figures.json"
     if not path.exists():
-        raise RuntimeError(f"{folder.name}: the judge left no figures: {log[-2000:]}")
+        raise RuntimeError(f"{folder}: the judge left no figures: {log[-2000:]}")
     return json.loads(path.read_text())
 
 
-def fly(folder, flight, seconds, mode="full", load=None):
+def fly(kept, flight, seconds, mode="full", load=None):
     """A flight in real time. Returns the judge's figures, and what was measured of the daemon."""
-    bench = parts.Bench(fresh(folder), mode=mode)
-    channels = ("bt4", "bt5", "wifi") if mode == "full" else ("bt4", "wifi")
+    with in_memory(kept) as folder:
+        return _fly(parts.Bench(folder, mode=mode), kept.name, flight, seconds, load)
+
+
+def _fly(bench, name, flight, seconds, load):
+    channels = ("bt4", "bt5", "wifi") if bench.mode == "full" else ("bt4", "wifi")
     stress = measure.Load(None, 0)
     try:
         bench.start_daemon()
@@ -38,8 +63,8 @@ def fly(folder, flight, seconds, mode="full", load=None):
         player = bench.play(flight, seconds=seconds + LEAD_S + 15)
         time.sleep(LEAD_S)
         stress = measure.Load(load, seconds + 60)
-        judge = bench.judge(seconds, "--played", folder / "played.jsonl", "--expect", ",".join(channels),
-                            "--title", folder.name)
+        judge = bench.judge(seconds, "--played", bench.folder / "played.jsonl", "--expect",
+                            ",".join(channels), "--title", name)
         pid = bench.daemon.process.pid
         time.sleep(min(SETTLE_S, seconds / 4))
         before, cpu_before_ms, from_s = measure.memory_kib(pid), measure.cpu_ms(pid), time.monotonic()
@@ -49,13 +74,13 @@ def fly(folder, flight, seconds, mode="full", load=None):
         judge.process.wait(timeout=120)
         for part, what in ((player, "the player"), (bench.daemon, "the daemon")):
             if part.process.poll() is not None:
-                raise RuntimeError(f"{folder.name}: {what} ended early: {part.log()[-2000:]}")
+                raise RuntimeError(f"{name}: {what} ended early: {part.log()[-2000:]}")
         if not stress.is_running():
-            raise RuntimeError(f"{folder.name}: stress-ng ended before the run did")
+            raise RuntimeError(f"{name}: stress-ng ended before the run did")
     finally:
         stress.stop()
         bench.stop()
-    figures = _read_figures(folder, judge.log())
+    figures = _read_figures(bench.folder, judge.log())
     figures.update(measure.interval_figures(measure.host_locations_s(bench.set_log)))
     figures.update(rss_anon_kib=after["RssAnon"], rss_anon_growth_kib=after["RssAnon"] - before["RssAnon"],
                    vm_rss_kib=after["VmRSS"],
@@ -76,19 +101,20 @@ def with_losses(folder, loss):
     return _read_figures(out, result.stdout + result.stderr)
 
 
-def model(folder, seconds):
+def model(kept, seconds):
     """The field study's schedule in the same bench: (what its log says, what the judge says)."""
-    bench = parts.Bench(fresh(folder), hostapd=False)
-    try:
-        transmitter = bench.add(parts.Part(
-            parts.python("host.field_study", "--hci-port", bench.rootcanal.hci_port, "--seconds",
-                         seconds + 6), folder / "model.log", raised=True))
-        time.sleep(1)
-        judge = bench.judge(seconds, "--expect", "bt4", "--address", MODEL_ADDRESS)
-        judge.process.wait(timeout=seconds + 120)
-        if transmitter.process.wait(timeout=30) != 0:
-            raise RuntimeError(f"{folder.name}: the model failed: {transmitter.log()}")
-        own = json.loads(transmitter.log().splitlines()[-1])
-    finally:
-        bench.stop()
-    return own, _read_figures(folder, judge.log())
+    with in_memory(kept) as folder:
+        bench = parts.Bench(folder, hostapd=False)
+        try:
+            transmitter = bench.add(parts.Part(
+                parts.python("host.field_study", "--hci-port", bench.rootcanal.hci_port, "--seconds",
+                             seconds + 6), folder / "model.log", raised=True))
+            time.sleep(1)
+            judge = bench.judge(seconds, "--expect", "bt4", "--address", MODEL_ADDRESS)
+            judge.process.wait(timeout=seconds + 120)
+            if transmitter.process.wait(timeout=30) != 0:
+                raise RuntimeError(f"{kept.name}: the model failed: {transmitter.log()}")
+            own = json.loads(transmitter.log().splitlines()[-1])
+        finally:
+            bench.stop()
+        return own, _read_figures(folder, judge.log())

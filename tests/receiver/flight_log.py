@@ -52,6 +52,8 @@ class FlightLog:
     fixes: list[Fix] = field(default_factory=list)
     arming_edges: list[float] = field(default_factory=list)  # mono
     armed_from_start: bool = False
+    disarmed_mono: float = math.inf  # the first time
+    own_clock_s: float | None = None  # mono minus the autopilot's time since boot, by the least delayed fix
     homes: list[tuple[float, float]] = field(default_factory=list)  # mono, metres above mean sea level
     heartbeats: list[float] = field(default_factory=list)  # mono
     system_times: list[tuple[float, float]] = field(default_factory=list)  # mono, Unix time of boot
@@ -79,11 +81,13 @@ class FlightLog:
         """Heights above take-off that are right for a fix.  Before the first arming
         edge relative_alt; from an edge on, the altitude at that edge is the zero.
         Around an edge both are right.  An aircraft that was armed when the log
-        begins took off where nobody saw it: unknown, or above the autopilot's home."""
+        begins took off where nobody saw it: unknown, or above the autopilot's home;
+        once it is disarmed, relative_alt as before any arming."""
         if fix.height_m is not None or fix.altitude_msl_m is None:
             return {fix.height_m} if fix.height_m is not None else set()
         if self.armed_from_start and not any(edge <= heard_mono for edge in self.arming_edges):
-            return {None} | {fix.altitude_msl_m - home for mono, home in self.homes if mono <= heard_mono}
+            grounded = {fix.relative_altitude_m} if heard_mono >= self.disarmed_mono else set()
+            return {None} | grounded | {fix.altitude_msl_m - home for mono, home in self.homes if mono <= heard_mono}
         edges = [edge for edge in self.arming_edges if edge <= heard_mono]
         decided = [edge for edge in edges if edge <= fix.mono - 0.5]
         heights = set() if decided else {fix.relative_altitude_m}
@@ -112,6 +116,8 @@ def read_flight_log(path: Path) -> FlightLog:
                 log.armed_from_start = log.armed_from_start or (now_armed and armed is None)
                 if now_armed and armed is False:
                     log.arming_edges.append(mono)
+                if armed and not now_armed:
+                    log.disarmed_mono = min(log.disarmed_mono, mono)
                 armed = now_armed
             elif name == "SYSTEM_TIME" and record["time_unix_usec"] / 1e6 > EARLIEST_UNIX_S:
                 log.system_times.append((mono, record["time_unix_usec"] / 1e6 - record["time_boot_ms"] / 1e3))
@@ -135,6 +141,7 @@ def read_flight_log(path: Path) -> FlightLog:
     for rows in (log.fixes, log.system_times, log.undulations):
         rows.sort(key=lambda row: row.mono if isinstance(row, Fix) else row[0])
     _complete(log)
+    log.own_clock_s = min((fix.mono - fix.boot_ms / 1000 for fix in log.fixes if fix.boot_ms is not None), default=None)
     return log
 
 

@@ -217,9 +217,16 @@ def _judge_age(location: Location, fix: Fix, reception: Reception, log: FlightLo
     if age_s > STATUS_FAILURE_DUE_S and not failing:
         findings.violation("played.status", reception, f"status while the position is {age_s:.1f} s old",
                            "4 (remote ID system failure)", location.status)
-    elif age_s < STATUS_FRESH_S and failing and _heartbeat_fresh(log, reception.mono - BUILT_BEFORE_S):
+    elif _own_age_s(fix, reception, log) < STATUS_FRESH_S and failing and _heartbeat_fresh(log, reception.mono - BUILT_BEFORE_S):
         findings.violation("played.status", reception, f"status while the position is {age_s:.1f} s old",
                            "any but 4 (remote ID system failure)", location.status)
+
+
+def _own_age_s(fix: Fix, reception: Reception, log: FlightLog) -> float:
+    """Age by the fix's own timestamp: it may have been old already when it was played."""
+    if fix.boot_ms is None or log.own_clock_s is None:
+        return reception.mono - fix.mono
+    return reception.mono - (fix.boot_ms / 1000 + log.own_clock_s)
 
 
 def _heartbeat_fresh(log: FlightLog, mono: float) -> bool:

@@ -250,7 +250,7 @@ static void a_controller_without_room_is_waited_for(void **state)
     run_ms(5);
     n = fake.count;
     set_legacy(3);
-    run_ms(20);
+    run_ms(60); /* longer than a payload has to stay */
     assert_int_equal(fake.count, n);
     fake.no_room = false;
     fake_send(&fake, room, sizeof(room));
