@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "aircraft_state.h"
+#include "identifiers.h"
 
 /* A native timestamp that is earlier by less was overtaken on the way; by more, the clock was set.
  */
@@ -444,6 +445,8 @@ void aircraft_update(struct aircraft *aircraft, const struct telemetry_update *u
         aircraft->native_operator_id_type = update->operator_id.type;
         memcpy(aircraft->native_operator_id, update->operator_id.operator_id,
                sizeof(aircraft->native_operator_id));
+        /* Some ground stations send the operator's whole entry. */
+        identifiers_remove_secrets(aircraft->native_operator_id);
         break;
     }
 }

@@ -214,6 +214,15 @@ static void a_configured_ua_type_stays(void **state)
 
 /* ---- Operator ID and Self ID ---- */
 
+/* QGroundControl's entry may hold all of it; the secret part never goes on the air. */
+static void the_secret_part_of_a_native_operator_number_is_taken_off(void **state)
+{
+    (void)state;
+    native_operator("FIN87astrdge12k8-xyz");
+    look();
+    assert_string_equal(view.operator_id, "FIN87astrdge12k8");
+}
+
 static void a_configured_operator_wins_and_a_difference_is_reported(void **state)
 {
     (void)state;
@@ -375,6 +384,7 @@ int main(void)
         cmocka_unit_test_setup(ua_type_auto_follows_the_heartbeat, begin_setup),
         cmocka_unit_test_setup(ua_type_auto_takes_the_native_one_without_a_heartbeat, begin_setup),
         cmocka_unit_test_setup(a_configured_ua_type_stays, begin_setup),
+        cmocka_unit_test_setup(the_secret_part_of_a_native_operator_number_is_taken_off,
         cmocka_unit_test_setup(a_configured_operator_wins_and_a_difference_is_reported,
                                begin_setup),
         cmocka_unit_test_setup(a_configured_description_wins_with_its_type, begin_setup),
