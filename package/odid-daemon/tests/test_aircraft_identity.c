@@ -385,6 +385,7 @@ int main(void)
         cmocka_unit_test_setup(ua_type_auto_takes_the_native_one_without_a_heartbeat, begin_setup),
         cmocka_unit_test_setup(a_configured_ua_type_stays, begin_setup),
         cmocka_unit_test_setup(the_secret_part_of_a_native_operator_number_is_taken_off,
+                               begin_setup),
         cmocka_unit_test_setup(a_configured_operator_wins_and_a_difference_is_reported,
                                begin_setup),
         cmocka_unit_test_setup(a_configured_description_wins_with_its_type, begin_setup),
