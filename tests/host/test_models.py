@@ -185,11 +185,16 @@ def test_what_is_advertised_is_heard_and_what_is_replaced_at_once_is_not(front, 
     _, host, _ = front("bcm43455")
     ear = air.Air(rootcanal.hci_port)
     try:
-        assert host.command(SET_PARAMETERS, legacy_parameters(INTERVAL_100_MS))[0] == 0
-        for number, wait_s in ((1, 0.3), (2, 0.0), (3, 0.3)):
+        def advertise(number):
             assert host.command(SET_DATA, bytes([31]) + advertisement(bytes([0x12, number])))[0] == 0
-            assert host.command(SET_ENABLE, b"\x01")[0] == 0
-            time.sleep(wait_s)
+
+        assert host.command(SET_PARAMETERS, legacy_parameters(INTERVAL_100_MS))[0] == 0
+        advertise(1)
+        assert host.command(SET_ENABLE, b"\x01")[0] == 0
+        parts.wait_for("the first event", lambda: ear.receptions("bt4"), 2)
+        advertise(2)  # the next event is 100 ms away
+        advertise(3)
+        time.sleep(0.3)
         numbers = [one.data[3] for one in ear.receptions("bt4")]
     finally:
         ear.stop()
@@ -329,3 +334,20 @@ def test_what_is_no_log_is_said_clearly(tmp_path):
     for name, sentence in (("empty", "no MAVLink frame"), ("other", "no MAVLink frame")):
         with pytest.raises(tlog.LogError, match=sentence):
             tlog.read(tmp_path / f"{name}.tlog")
+
+
+# --- all of it, around the daemon -------------------------------------------
+
+
+def test_the_bench_is_heard_on_every_channel(bench, tmp_path):
+    write_flight(tmp_path / "flight.tlog", 20)
+    one = bench(settings={"self_id": {"description": "bench"}}, flight=tmp_path / "flight.tlog")
+    for channel in ("bt4", "bt5", "wifi"):
+        heard = one.heard(channel, 1.2)
+        assert heard and all(reception.data[0] == 0x0D for reception in heard)
+        assert any(b"bench" in reception.data for reception in heard)
+    addresses = {reception.address for channel in ("bt4", "bt5") for reception in one.air.receptions(channel)}
+    assert len(addresses) == 1
+    assert one.daemon.stop() == 0
+    time.sleep(0.3)
+    assert one.heard("bt4", 0.5) == []

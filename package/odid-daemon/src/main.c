@@ -263,6 +263,7 @@ static int watch_signals(void)
     if (sigprocmask(SIG_BLOCK, &set, NULL) < 0) {
         return -errno;
     }
+    signal(SIGPIPE, SIG_IGN); /* a logger that ended must not end the broadcast */
     fd = signalfd(-1, &set, SFD_NONBLOCK | SFD_CLOEXEC);
     return fd < 0 ? -errno : loop_watch(&self.signals, fd, EPOLLIN, on_signal, NULL);
 }

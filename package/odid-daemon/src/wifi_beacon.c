@@ -210,6 +210,7 @@ static void open_control(int64_t now_us)
     if (self.radio->state != RADIO_LOST) { /* a hanging one would go to and fro */
         radio_enter(self.radio, CHANNEL_WIFI, RADIO_STARTING, "hostapd is there", now_us);
     }
+    self.request = REQUEST_NONE;
     self.enabled = false;
     self.status_us = self.allowed_us = now_us;
     advance(now_us);
@@ -255,4 +256,5 @@ void wifi_beacon_stop(void)
     hostapd_control_tell(&self.control, "SET vendor_elements ");
     hostapd_control_tell(&self.control, "UPDATE_BEACON");
     hostapd_control_close(&self.control);
+    loop_arm(&self.timer, LOOP_NEVER);
 }

@@ -65,12 +65,10 @@ static bool it_is_down(void)
     return radio.state == RADIO_DOWN;
 }
 
-/* One beacon a process: it ends each test without a hostapd. */
 static int tear_down(void **state)
 {
     (void)state;
-    fake_hostapd_die(&fake);
-    loop_until(it_is_absent, 3000);
+    wifi_beacon_stop();
     return fake_hostapd_end(&fake) ? 0 : -1;
 }
 
@@ -201,6 +199,18 @@ static void a_hostapd_that_forgot_is_told_again_after_a_while(void **state)
     assert_true(loop_until(it_is_in_the_beacon, 5500));
 }
 
+static void the_end_takes_the_element_out_of_the_beacon(void **state)
+{
+    (void)state;
+    start();
+    assert_true(loop_until(it_is_in_the_beacon, 500));
+    set(90); /* even while it is being told something else */
+    wifi_beacon_stop();
+    run_ms(50);
+    assert_string_equal(fake.beacon, "");
+    assert_int_equal(fake.sets, 3);
+}
+
 int main(void)
 {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
@@ -215,6 +225,7 @@ int main(void)
         TEST(a_refused_element_is_told_and_tried_again),
         TEST(a_refused_update_is_told_and_tried_again),
         TEST(a_hostapd_that_forgot_is_told_again_after_a_while),
+        TEST(the_end_takes_the_element_out_of_the_beacon),
     };
 
     if (loop_init() < 0) {
