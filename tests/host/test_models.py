@@ -204,7 +204,7 @@ def test_what_is_advertised_is_heard_and_what_is_replaced_at_once_is_not(front, 
 
 def test_the_field_study_loses_a_location_every_three_seconds(rootcanal, short_folder):
     ear = air.Air(rootcanal.hci_port)
-    model = parts.Part(parts.python("host.field_study", "--hci-port", rootcanal.hci_port, "--seconds", 7),
+    model = parts.Part(parts.python("host.field_study", "--hci-port", rootcanal.hci_port, "--seconds", 11),
                        short_folder / "model.log")
     try:
         assert model.process.wait(20) == 0, model.log()
