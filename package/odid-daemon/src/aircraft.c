@@ -186,7 +186,9 @@ static void take_global_position(struct aircraft *aircraft, const struct telemet
 {
     struct aircraft_fix *fix = &aircraft->telemetry;
     bool restarted, moved;
-    bool no_fix = aircraft->gps_us != INT64_MIN && aircraft->gps_fix_type < GPS_FIX_TYPE_2D_FIX;
+    /* A stream of GPS_RAW_INT that was switched off says nothing about later positions. */
+    bool no_fix =
+        aircraft_fresh(aircraft->gps_us, now_us) && aircraft->gps_fix_type < GPS_FIX_TYPE_2D_FIX;
     int64_t stamped_us =
         autopilot_clock_boot(&aircraft->clock, update->global_position.boot_ms, now_us, &restarted);
     int64_t boot_us = stamped_us - aircraft->clock.offset_us;
@@ -324,8 +326,12 @@ static void take_basic_id(struct aircraft *aircraft, const struct telemetry_upda
 {
     /* One serial number, and one of another type. */
     unsigned slot = update->basic_id.id_type == ODID_IDTYPE_SERIAL_NUMBER ? 0 : 1;
+    struct aircraft_native_id *native = &aircraft->native_basic_id[slot];
 
-    memcpy(&aircraft->native_basic_id[slot], &update->basic_id, sizeof(update->basic_id));
+    memcpy(native, &update->basic_id, sizeof(update->basic_id));
+    if (native->id_type == ODID_IDTYPE_CAA_REGISTRATION_ID) {
+        identifiers_remove_secrets(native->uas_id);
+    }
 }
 
 static bool same_page(const struct aircraft_auth_page *a, const struct aircraft_auth_page *b)
@@ -372,7 +378,8 @@ static void take_system(struct aircraft *aircraft, const struct telemetry_update
 {
     struct aircraft_native_system *native = &aircraft->native_system;
     bool whole = update->kind == TELEMETRY_SYSTEM;
-    bool moved = aircraft->operator_us == INT64_MIN ||
+    bool undated = update->system.timestamp_2019_s == 0; /* then that it came has to do */
+    bool moved = aircraft->operator_us == INT64_MIN || undated ||
                  update->system.timestamp_2019_s != native->timestamp_2019_s;
 
     if (whole) {
@@ -390,9 +397,11 @@ static void take_system(struct aircraft *aircraft, const struct telemetry_update
     native->longitude_deg = update->system.operator_longitude_deg;
     native->altitude_m = update->system.operator_altitude_m;
     native->timestamp_2019_s = update->system.timestamp_2019_s;
+    /* What ArduPilot substitutes is in centimetres, and only SYSTEM says whether it did. */
     if (aircraft->autopilot == MAV_AUTOPILOT_ARDUPILOTMEGA &&
-        native->operator_location_type == MAV_ODID_OPERATOR_LOCATION_TYPE_TAKEOFF) {
-        native->altitude_m = NAN; /* substituted by ArduPilot in centimetres */
+        (!native->known ||
+         native->operator_location_type == MAV_ODID_OPERATOR_LOCATION_TYPE_TAKEOFF)) {
+        native->altitude_m = NAN;
     }
     if (moved) {
         aircraft->operator_us = now_us;
@@ -436,6 +445,7 @@ void aircraft_update(struct aircraft *aircraft, const struct telemetry_update *u
         aircraft->native_description_type = update->self_id.type;
         memcpy(aircraft->native_description, update->self_id.text,
                sizeof(aircraft->native_description));
+        identifiers_remove_secrets(aircraft->native_description);
         break;
     case TELEMETRY_SYSTEM:
     case TELEMETRY_SYSTEM_UPDATE:
@@ -446,7 +456,7 @@ void aircraft_update(struct aircraft *aircraft, const struct telemetry_update *u
         memcpy(aircraft->native_operator_id, update->operator_id.operator_id,
                sizeof(aircraft->native_operator_id));
         /* Some ground stations send the operator's whole entry. */
-        identifiers_remove_secrets(aircraft->native_operator_id);
+        identifiers_cut_operator(aircraft->native_operator_id);
         break;
     }
 }

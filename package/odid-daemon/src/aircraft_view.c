@@ -6,6 +6,8 @@
 
 #include "aircraft_state.h"
 
+/* Data are at most this old when sent, ASTM F3411: where there is a newer position, it is taken. */
+#define NATIVE_PREFERRED_US 1000000
 /* Below this speed the course over ground is noise. */
 #define COURSE_MIN_MPS 0.3
 /* A Location timestamp says when within the hour: an older position can't be dated any more. */
@@ -14,9 +16,22 @@
 
 /* ---- position ---- */
 
+/*
+ * Is the native LOCATION what speaks? While it is fresh; but one of over a
+ * second gives way to newer telemetry: a message that was lost must not age
+ * what is sent.
+ */
+static bool native_speaks(const struct aircraft *aircraft, int64_t now_us)
+{
+    int64_t native_us = aircraft->native.fix_us, telemetry_us = aircraft->telemetry.fix_us;
+
+    return aircraft_fresh(native_us, now_us) &&
+           (now_us - native_us <= NATIVE_PREFERRED_US || telemetry_us <= native_us);
+}
+
 const struct aircraft_fix *aircraft_best_fix(const struct aircraft *aircraft, int64_t now_us)
 {
-    if (aircraft_fresh(aircraft->native.fix_us, now_us) && !isnan(aircraft->native.latitude_deg)) {
+    if (native_speaks(aircraft, now_us) && !isnan(aircraft->native.latitude_deg)) {
         return &aircraft->native;
     }
     if (aircraft_fresh(aircraft->telemetry.fix_us, now_us)) {
@@ -82,22 +97,40 @@ static int speed_code(float accuracy_mps)
     return createEnumSpeedAccuracy(accuracy_mps);
 }
 
-static void view_telemetry_position(const struct aircraft *aircraft, int64_t now_us,
-                                    struct aircraft_location *out)
+/* Altitudes and accuracies that nothing better has said. */
+static void fill_from_telemetry(const struct aircraft *aircraft, int64_t now_us,
+                                struct aircraft_location *out)
 {
     const struct aircraft_fix *fix = &aircraft->telemetry;
 
-    out->position_source = SOURCE_TELEMETRY;
-    out->altitude_geodetic_m = aircraft_geodetic_m(aircraft, fix);
-    out->height_m = height_m(aircraft, fix);
-    out->timestamp_s = hour_seconds_at(aircraft, fix->fix_us);
-    if (aircraft_fresh(aircraft->gps_us, now_us)) {
+    if (isnan(out->altitude_geodetic_m)) {
+        out->altitude_geodetic_m = aircraft_geodetic_m(aircraft, fix);
+    }
+    if (isnan(out->height_m)) {
+        out->height_m = height_m(aircraft, fix);
+        out->height_above_ground = false;
+    }
+    if (!aircraft_fresh(aircraft->gps_us, now_us)) {
+        return;
+    }
+    if (out->horizontal_accuracy == 0) {
         out->horizontal_accuracy = accuracy_code(aircraft->horizontal_accuracy_m, horizontal_code);
+    }
+    if (out->vertical_accuracy == 0) {
         out->vertical_accuracy = accuracy_code(aircraft->vertical_accuracy_m, vertical_code);
     }
 }
 
-static void view_native_position(const struct aircraft *aircraft, struct aircraft_location *out)
+static void view_telemetry_position(const struct aircraft *aircraft, int64_t now_us,
+                                    struct aircraft_location *out)
+{
+    out->position_source = SOURCE_TELEMETRY;
+    out->timestamp_s = hour_seconds_at(aircraft, aircraft->telemetry.fix_us);
+    fill_from_telemetry(aircraft, now_us, out);
+}
+
+static void view_native_position(const struct aircraft *aircraft, int64_t now_us,
+                                 struct aircraft_location *out)
 {
     const struct aircraft_native_location *native = &aircraft->native_location;
 
@@ -113,6 +146,9 @@ static void view_native_position(const struct aircraft *aircraft, struct aircraf
     if (native->instant_known) {
         out->timestamp_s = hour_seconds_at(aircraft, aircraft->native.fix_us);
         out->timestamp_accuracy = native->received.location.timestamp_accuracy;
+    }
+    if (aircraft_fresh(aircraft->telemetry.fix_us, now_us)) {
+        fill_from_telemetry(aircraft, now_us, out);
     }
 }
 
@@ -138,7 +174,7 @@ static void view_position(const struct aircraft *aircraft, int64_t now_us,
     out->latitude_deg = fix->latitude_deg;
     out->longitude_deg = fix->longitude_deg;
     if (fix == &aircraft->native) {
-        view_native_position(aircraft, out);
+        view_native_position(aircraft, now_us, out);
     } else {
         view_telemetry_position(aircraft, now_us, out);
     }
@@ -154,12 +190,33 @@ static bool native_motion_known(const struct aircraft *aircraft)
            !isnan(native->location.vertical_speed_mps);
 }
 
-static void view_motion(const struct aircraft *aircraft, int64_t now_us,
+/* What no native message has said. */
+static void fill_motion(const struct aircraft *aircraft, int64_t now_us,
                         struct aircraft_location *out)
 {
     const struct aircraft_fix *fix = &aircraft->telemetry;
+    double speed_mps = hypot(fix->north_mps, fix->east_mps);
 
-    if (aircraft_fresh(aircraft->native.fix_us, now_us) && native_motion_known(aircraft)) {
+    if (isnan(out->speed_mps)) {
+        out->speed_mps = speed_mps;
+    }
+    if (isnan(out->vertical_speed_mps)) {
+        out->vertical_speed_mps = fix->vertical_speed_mps;
+    }
+    if (isnan(out->direction_deg) && speed_mps >= COURSE_MIN_MPS) {
+        out->direction_deg = fmod(atan2(fix->east_mps, fix->north_mps) * 180 / M_PI + 360, 360);
+    }
+    if (out->speed_accuracy == 0 && aircraft_fresh(aircraft->gps_us, now_us)) {
+        out->speed_accuracy = accuracy_code(aircraft->speed_accuracy_mps, speed_code);
+    }
+}
+
+static void view_motion(const struct aircraft *aircraft, int64_t now_us,
+                        struct aircraft_location *out)
+{
+    bool telemetry = aircraft_fresh(aircraft->telemetry.fix_us, now_us);
+
+    if (native_speaks(aircraft, now_us) && native_motion_known(aircraft)) {
         const struct telemetry_update *native = &aircraft->native_location.received;
 
         out->motion_source = SOURCE_NATIVE;
@@ -167,16 +224,11 @@ static void view_motion(const struct aircraft *aircraft, int64_t now_us,
         out->speed_mps = native->location.speed_mps;
         out->vertical_speed_mps = native->location.vertical_speed_mps;
         out->speed_accuracy = native->location.speed_accuracy;
-    } else if (aircraft_fresh(fix->fix_us, now_us)) {
+    } else if (telemetry) {
         out->motion_source = SOURCE_TELEMETRY;
-        out->speed_mps = hypot(fix->north_mps, fix->east_mps);
-        out->vertical_speed_mps = fix->vertical_speed_mps;
-        if (out->speed_mps >= COURSE_MIN_MPS) {
-            out->direction_deg = fmod(atan2(fix->east_mps, fix->north_mps) * 180 / M_PI + 360, 360);
-        }
-        if (aircraft_fresh(aircraft->gps_us, now_us)) {
-            out->speed_accuracy = accuracy_code(aircraft->speed_accuracy_mps, speed_code);
-        }
+    }
+    if (telemetry) {
+        fill_motion(aircraft, now_us, out);
     }
 }
 

@@ -1,11 +1,14 @@
 #include "hci.h"
 
 #include <errno.h>
+#include <poll.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/epoll.h>
+#include <sys/ioctl.h>
 #include <sys/uio.h>
+#include <termios.h>
 #include <unistd.h>
 
 #include "hci_kernel.h"
@@ -21,6 +24,8 @@
 #define H4_BAUD 115200
 /* Reads in one go: whoever talks without end must not keep the loop from its deadlines. */
 #define READS_MAX 8
+/* A command of 35 bytes takes 3 ms at 115200 baud. */
+#define DRAIN_MS 50
 
 static const char h4_prefix[] = "h4:";
 
@@ -53,9 +58,13 @@ static bool parse_h4(const char *adapter, char path[108], unsigned *baud, bool *
 
 static bool parse_kernel(const char *adapter, int *dev_id)
 {
-    char after;
+    char proper[16];
 
-    return sscanf(adapter, "hci%3d%c", dev_id, &after) == 1 && *dev_id >= 0;
+    if (sscanf(adapter, "hci%3d", dev_id) != 1 || *dev_id < 0) {
+        return false;
+    }
+    snprintf(proper, sizeof(proper), "hci%d", *dev_id);
+    return strcmp(adapter, proper) == 0; /* one controller has one name */
 }
 
 bool hci_name_valid(const char *adapter)
@@ -223,8 +232,24 @@ void hci_close(struct hci *hci)
     int fd = hci->watch.fd;
 
     loop_unwatch(&hci->watch);
-    if (fd >= 0) {
-        close(fd);
+    if (fd < 0) {
+        return;
+    }
+    if (hci->h4) {
+        tcflush(fd, TCOFLUSH); /* close() waits 30 s for a controller that holds CTS back */
+    }
+    close(fd);
+}
+
+void hci_drain(const struct hci *hci)
+{
+    int unsent = 0;
+
+    for (int i = 0; i < DRAIN_MS && hci->h4 && hci_is_open(hci); i++) {
+        if (ioctl(hci->watch.fd, TIOCOUTQ, &unsent) < 0 || unsent == 0) {
+            return;
+        }
+        poll(NULL, 0, 1);
     }
 }
 

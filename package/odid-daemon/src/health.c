@@ -160,22 +160,15 @@ static void judge_basic_ids(struct health *health, const struct aircraft_view *v
 static void judge_operator_id(struct health *health, const struct aircraft_view *view)
 {
     char public_part[IDENTIFIER_MAX + 1], problem[IDENTIFIER_PROBLEM_SIZE];
-    char without_secret[IDENTIFIER_MAX + 1];
 
     if (view->operator_id[0] == '\0') {
         FAULT("Set [operator] operator_id in odid.conf to the operator's registration number.",
               "missing operator_id message");
         return;
     }
-    snprintf(without_secret, sizeof(without_secret), "%s", view->operator_id);
-    if (identifiers_remove_secrets(without_secret)) {
-        FAULT(
-            "The ground station sends the whole number. Enter it there without \"-\" and the last "
-            "3 characters.",
-            "secret part of the operator ID is on the air");
-    } else if (view->operator_id_type == OPERATOR_ID_EU &&
-               identifiers_check_operator(view->operator_id, public_part, problem) ==
-                   OPERATOR_NUMBER_INVALID) {
+    if (view->operator_id_type == OPERATOR_ID_EU &&
+        identifiers_check_operator(view->operator_id, public_part, problem) ==
+            OPERATOR_NUMBER_INVALID) {
         FAULT("Compare [operator] operator_id with the registration; odidctl check says what is "
               "wrong.",
               "Operator ID is no EU number: %s", public_part);

@@ -250,18 +250,35 @@ static bool is_number_in_text(const char *text)
     return strpbrk(public_part, "0123456789") != NULL || check_public(public_part, problem);
 }
 
-/* Takes a dash and what is written behind it out of the text. */
-static void remove_one(char *dash)
+static size_t dash_length(const char *at)
 {
-    char *end = dash + (*dash == '-' ? 1 : 3);
-    size_t left;
+    return !is_dash(at) ? 0 : at[0] == '-' ? 1 : 3;
+}
 
-    while (is_alphanumeric(*end)) {
-        end++;
+/*
+ * How many bytes behind a number, separator included, are its secret part.
+ * Right behind a dash: whatever is written there. With blanks before, or
+ * without a dash: three characters that end a word; without a dash only behind
+ * a number in the proper form, which no aircraft's serial number has.
+ */
+static size_t secret_length(const char *number)
+{
+    char public_part[OPERATOR_PUBLIC + 1], problem[IDENTIFIER_PROBLEM_SIZE];
+    const char *after = number + OPERATOR_PUBLIC;
+    size_t blanks = strspn(after, " _"), dash = dash_length(after + blanks), letters = 0;
+
+    while (is_alphanumeric(after[blanks + dash + letters])) {
+        letters++;
     }
-    left = strlen(end);
-    memmove(dash, end, left);
-    explicit_bzero(dash + left, (size_t)(end - dash)); /* nor behind the new end */
+    if (dash > 0 && blanks == 0) {
+        return dash + letters;
+    }
+    memcpy(public_part, number, OPERATOR_PUBLIC);
+    public_part[OPERATOR_PUBLIC] = '\0';
+    if (letters != OPERATOR_SECRET || (dash == 0 && !check_public(public_part, problem))) {
+        return 0;
+    }
+    return blanks + dash + letters;
 }
 
 bool identifiers_remove_secrets(char *text)
@@ -269,13 +286,30 @@ bool identifiers_remove_secrets(char *text)
     bool removed = false;
 
     for (size_t i = 0; text[i] != '\0'; i++) {
+        char *secret = text + i + OPERATOR_PUBLIC;
+        size_t length, left;
+
         if ((i > 0 && is_alphanumeric(text[i - 1])) || !is_number_in_text(text + i)) {
             continue;
         }
-        while (is_dash(text + i + OPERATOR_PUBLIC)) {
-            remove_one(text + i + OPERATOR_PUBLIC);
+        for (length = secret_length(text + i); length > 0;
+             length = is_dash(secret) ? secret_length(text + i) : 0) {
+            left = strlen(secret + length);
+            memmove(secret, secret + length, left);
+            explicit_bzero(secret + left, length); /* nor behind the new end */
             removed = true;
         }
     }
     return removed;
+}
+
+bool identifiers_cut_operator(char *number)
+{
+    size_t length = strlen(number);
+
+    if (!begins_like_a_number(number)) {
+        return identifiers_remove_secrets(number);
+    }
+    explicit_bzero(number + OPERATOR_PUBLIC, length - OPERATOR_PUBLIC);
+    return length > OPERATOR_PUBLIC;
 }

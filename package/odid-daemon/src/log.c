@@ -1,6 +1,7 @@
 #include "log.h"
 
 #include <fcntl.h>
+#include <poll.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
@@ -17,16 +18,21 @@ void log_set_debug(bool on)
 }
 
 /*
- * A logger that hangs would stop us at its full pipe, and the broadcast with
- * us: half full, lines are dropped. Half, because a pipe counts pages, and
- * short lines may leave each of them partly empty.
+ * A logger that hangs would stop us at its full pipe or socket, a stopped
+ * terminal likewise, and the broadcast with us: then lines are dropped. A pipe
+ * may be half full, because it counts pages, and short lines may leave each of
+ * them partly empty.
  */
 static bool has_room(void)
 {
+    struct pollfd ready = {.fd = STDERR_FILENO, .events = POLLOUT};
     int size = fcntl(STDERR_FILENO, F_GETPIPE_SZ); /* fails on what is no pipe */
     int unread;
 
-    return size < 0 || ioctl(STDERR_FILENO, FIONREAD, &unread) < 0 || unread < size / 2;
+    if (size < 0) {
+        return poll(&ready, 1, 0) == 1;
+    }
+    return ioctl(STDERR_FILENO, FIONREAD, &unread) < 0 || unread < size / 2;
 }
 
 __attribute__((format(printf, 2, 0))) static void line(const char *level, const char *format,

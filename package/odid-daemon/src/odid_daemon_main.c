@@ -196,9 +196,11 @@ static void ask_for_positions(const struct aircraft_condition *condition, uint8_
     self.ask_wait_us *= self.ask_wait_us < ASK_AGAIN_MAX_US ? 2 : 1;
 }
 
-static void keep_takeoff(void)
+/* For a restart in flight only: that of a flight that ended must not pass for the next one's. */
+static void keep_takeoff(bool armed)
 {
-    const struct aircraft_takeoff *takeoff = aircraft_takeoff(self.aircraft);
+    static const struct aircraft_takeoff none;
+    const struct aircraft_takeoff *takeoff = armed ? aircraft_takeoff(self.aircraft) : &none;
     int result;
 
     if (memcmp(takeoff, &self.stored_takeoff, sizeof(*takeoff)) == 0) {
@@ -228,7 +230,8 @@ static void on_tick(void *context, int64_t now_us)
             pilot_channel(&self.pilot, vehicle, channel, &self.radios[channel], now_us);
         }
         ask_for_positions(&condition, vehicle, now_us);
-        keep_takeoff(); /* not before the first HEARTBEAT: it decides whether the kept one counts */
+        keep_takeoff(condition.armed); /* not before the first HEARTBEAT: it decides whether the
+                                          kept one counts */
     }
     self.tick_us += TICK_US;
     if (self.tick_us <= now_us) {
@@ -260,6 +263,8 @@ static int watch_signals(void)
     sigemptyset(&set);
     sigaddset(&set, SIGTERM);
     sigaddset(&set, SIGINT);
+    sigaddset(&set, SIGHUP); /* the terminal was closed */
+    sigaddset(&set, SIGQUIT);
     if (sigprocmask(SIG_BLOCK, &set, NULL) < 0) {
         return -errno;
     }

@@ -20,7 +20,7 @@ struct device {
     bool used;
     uint32_t index;
     uint8_t type; /* RFKILL_TYPE_... */
-    bool soft, hard, told;
+    bool soft, hard, told, failed;
     int64_t unblocked_us;
 };
 
@@ -40,15 +40,36 @@ static void unblock(struct device *device, int64_t now_us)
 {
     const struct rfkill_event event = {
         .idx = device->index, .type = device->type, .op = RFKILL_OP_CHANGE, .soft = 0};
+    bool failed;
 
-    if (now_us - device->unblocked_us < UNBLOCK_EVERY_US) {
-        loop_arm(&self.timer, device->unblocked_us + UNBLOCK_EVERY_US);
-        return;
-    }
     device->unblocked_us = now_us;
-    if (write(self.watch.fd, &event, sizeof(event)) < 0) {
-        log_warning("rfkill: can't unblock %s: %s", type_name(device->type), strerror(errno));
+    failed = write(self.watch.fd, &event, sizeof(event)) < 0;
+    if (failed && !device->failed) {
+        log_warning("rfkill: can't unblock %s: %s; trying on", type_name(device->type),
+                    strerror(errno));
     }
+    device->failed = failed;
+}
+
+/* Until it is seen to be off: a driver may refuse, and the kernel then says nothing. */
+static void unblock_what_is_due(int64_t now_us)
+{
+    int64_t next_us = LOOP_NEVER;
+
+    for (unsigned i = 0; i < DEVICES_MAX; i++) {
+        struct device *device = &self.devices[i];
+
+        if (!device->used || !device->soft) {
+            continue;
+        }
+        if (now_us - device->unblocked_us >= UNBLOCK_EVERY_US) {
+            unblock(device, now_us);
+        }
+        if (device->unblocked_us + UNBLOCK_EVERY_US < next_us) {
+            next_us = device->unblocked_us + UNBLOCK_EVERY_US;
+        }
+    }
+    loop_arm(&self.timer, next_us);
 }
 
 static void tell(struct device *device)
@@ -100,9 +121,6 @@ static void take_event(const struct rfkill_event *event, int64_t now_us)
     device->soft = event->soft != 0;
     device->hard = event->hard != 0;
     tell(device);
-    if (device->soft) {
-        unblock(device, now_us);
-    }
 }
 
 static void on_readable(void *context, uint32_t events, int64_t now_us)
@@ -123,7 +141,9 @@ static void on_readable(void *context, uint32_t events, int64_t now_us)
         close(fd);
         memset(self.devices, 0, sizeof(self.devices)); /* told anew after opening */
         loop_arm(&self.timer, now_us + OPEN_AGAIN_US);
+        return;
     }
+    unblock_what_is_due(now_us);
 }
 
 static void open_device(int64_t now_us)
@@ -145,11 +165,7 @@ static void on_timer(void *context, int64_t now_us)
         open_device(now_us);
         return;
     }
-    for (unsigned i = 0; i < DEVICES_MAX; i++) {
-        if (self.devices[i].used && self.devices[i].soft) {
-            unblock(&self.devices[i], now_us);
-        }
-    }
+    unblock_what_is_due(now_us);
 }
 
 void rfkill_start_at(const char *path, int64_t now_us)

@@ -60,6 +60,8 @@ static const int allowed[] = {
     SCMP_SYS(epoll_wait),
     SCMP_SYS(epoll_pwait),
     SCMP_SYS(epoll_ctl),
+    SCMP_SYS(poll),
+    SCMP_SYS(ppoll),
     SCMP_SYS(timerfd_settime),
     SCMP_SYS(clock_gettime),
     SCMP_SYS(restart_syscall),

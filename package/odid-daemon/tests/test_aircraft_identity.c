@@ -217,10 +217,26 @@ static void a_configured_ua_type_stays(void **state)
 /* QGroundControl's entry may hold all of it; the secret part never goes on the air. */
 static void the_secret_part_of_a_native_operator_number_is_taken_off(void **state)
 {
+    static const char *const given[] = {"FIN87astrdge12k8-xyz", "FIN87astrdge12k8xyz",
+                                        "FIN87astrdge12k8 xyz", "fin87ASTRDGE12K8xyz"};
+
     (void)state;
-    native_operator("FIN87astrdge12k8-xyz");
+    for (size_t i = 0; i < sizeof(given) / sizeof(given[0]); i++) {
+        native_operator(given[i]);
+        look();
+        assert_int_equal(strlen(view.operator_id), 16);
+        assert_memory_equal(view.operator_id, given[i], 16);
+    }
+}
+
+static void nor_does_it_go_out_in_other_native_texts(void **state)
+{
+    (void)state;
+    native_description(0, "FIN87astrdge12k8-xyz");
+    native_id(2, 2, "FIN87astrdge12k8-xyz");
     look();
-    assert_string_equal(view.operator_id, "FIN87astrdge12k8");
+    assert_string_equal(view.description, "FIN87astrdge12k8");
+    assert_string_equal(view.basic_id[0].uas_id, "FIN87astrdge12k8");
 }
 
 static void a_configured_operator_wins_and_a_difference_is_reported(void **state)
@@ -386,6 +402,7 @@ int main(void)
         cmocka_unit_test_setup(a_configured_ua_type_stays, begin_setup),
         cmocka_unit_test_setup(the_secret_part_of_a_native_operator_number_is_taken_off,
                                begin_setup),
+        cmocka_unit_test_setup(nor_does_it_go_out_in_other_native_texts, begin_setup),
         cmocka_unit_test_setup(a_configured_operator_wins_and_a_difference_is_reported,
                                begin_setup),
         cmocka_unit_test_setup(a_configured_description_wins_with_its_type, begin_setup),

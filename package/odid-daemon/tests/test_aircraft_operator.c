@@ -117,6 +117,7 @@ static void an_update_alone_is_a_moving_operator(void **state)
     assert_int_equal(view.system.operator_source, SOURCE_NATIVE);
     assert_int_equal(view.system.category_eu, config.category);
     assert_int_equal(view.system.area_count, 1);
+    assert_unknown(view.system.operator_altitude_m); /* metres or ArduPilot's centimetres? */
 }
 
 static void an_operator_message_with_a_frozen_timestamp_goes_stale(void **state)
@@ -134,6 +135,25 @@ static void an_operator_message_with_a_frozen_timestamp_goes_stale(void **state)
     }
     give(&update);
     look();
+    assert_unknown(view.system.operator_latitude_deg);
+}
+
+/* 0 stands for an unknown time: then that it comes again counts. */
+static void an_operator_message_without_a_timestamp_counts_while_it_comes(void **state)
+{
+    struct telemetry_update update;
+
+    (void)state;
+    fly(5);
+    update = system_message(TELEMETRY_SYSTEM);
+    update.system.timestamp_2019_s = 0;
+    for (unsigned i = 0; i < 6; i++) {
+        give(&update);
+        look();
+        assert_true(operator_is(50));
+        fly(1);
+    }
+    fly(3);
     assert_unknown(view.system.operator_latitude_deg);
 }
 
@@ -267,6 +287,8 @@ int main(void)
         cmocka_unit_test_setup(an_update_moves_the_operator_and_nothing_else, begin_setup),
         cmocka_unit_test_setup(an_update_alone_is_a_moving_operator, begin_setup),
         cmocka_unit_test_setup(an_operator_message_with_a_frozen_timestamp_goes_stale, begin_setup),
+        cmocka_unit_test_setup(an_operator_message_without_a_timestamp_counts_while_it_comes,
+                               begin_setup),
         cmocka_unit_test_setup(an_unknown_native_operator_is_no_place, begin_setup),
         cmocka_unit_test_setup(an_unknown_operator_is_never_a_made_up_default, begin_setup),
         cmocka_unit_test_setup(ardupilots_substituted_operator_altitude_is_dropped, begin_setup),

@@ -149,11 +149,14 @@ static void a_native_position_wins_while_it_is_fresh_and_again_when_it_returns(v
     assert_int_equal(view.location.position_source, SOURCE_NATIVE);
     assert_int_equal(view.location.motion_source, SOURCE_NATIVE);
     assert_int_equal(view.location.status_source, SOURCE_NATIVE);
-    sim.native = false;
+    sim.native = sim.position = false;
     fly(2.8);
     silence_us(199 * MS);
     assert_true(from_native());
     silence_us(1 * MS);
+    assert_false(view.location.position_fresh);
+    sim.position = true;
+    fly(0.2);
     assert_true(from_telemetry());
     assert_int_equal(view.location.position_source, SOURCE_TELEMETRY);
     assert_int_equal(view.location.motion_source, SOURCE_TELEMETRY);
@@ -161,6 +164,49 @@ static void a_native_position_wins_while_it_is_fresh_and_again_when_it_returns(v
     sim.native = true;
     fly(0.2);
     assert_true(from_native());
+}
+
+/* ArduPilot's come once a second: one that is lost must not age what is sent. */
+static void a_native_position_of_over_a_second_gives_way_to_a_newer_one(void **state)
+{
+    (void)state;
+    sim.native = true;
+    fly(5);
+    sim.native = false;
+    fly(0.8);
+    assert_true(from_native());
+    fly(0.4);
+    assert_true(from_telemetry());
+    assert_int_equal(view.location.motion_source, SOURCE_TELEMETRY);
+    assert_true(now_us - view.location.fix_us <= 200 * MS);
+}
+
+/* A field, not a message, is what is known or not. */
+static void telemetry_fills_what_a_native_location_leaves_unknown(void **state)
+{
+    struct telemetry_update update;
+
+    (void)state;
+    sim.north_mps = 10;
+    sim.up_mps = 1.5;
+    sim.relative_m = 44;
+    fly(5);
+    update = native_of(now_us);
+    update.location.height_m = update.location.altitude_geodetic_m = NAN;
+    update.location.direction_deg = update.location.vertical_speed_mps = NAN;
+    update.location.horizontal_accuracy = update.location.speed_accuracy = 0;
+    give(&update);
+    look();
+    assert_true(from_native());
+    assert_near(view.location.height_m, 44);
+    assert_near(view.location.altitude_geodetic_m, sim.altitude_m + sim.separation_m);
+    assert_near(view.location.altitude_barometric_m, 111);
+    assert_near(view.location.direction_deg, 0);
+    assert_near(view.location.speed_mps, 7);
+    assert_near(view.location.vertical_speed_mps, 1.5);
+    assert_int_equal(view.location.horizontal_accuracy, 11);
+    assert_int_equal(view.location.vertical_accuracy, 6);
+    assert_int_equal(view.location.speed_accuracy, 3);
 }
 
 static void when_both_stopped_the_newer_position_is_kept(void **state)
@@ -237,6 +283,19 @@ static void a_position_that_loses_its_fix_goes_stale(void **state)
     assert_int_equal(view.location.status, AIRCRAFT_GROUND);
     fly(0.2);
     assert_int_equal(view.location.status, AIRCRAFT_REMOTE_ID_FAILURE);
+}
+
+/* The stream of GPS_RAW_INT was switched off while the receiver was still starting. */
+static void a_fix_type_that_stopped_coming_forbids_nothing(void **state)
+{
+    (void)state;
+    sim.fix_type = 1;
+    gps();
+    sim.gps = false;
+    fly(2.8);
+    assert_unknown(view.location.latitude_deg);
+    fly(1);
+    assert_true(from_telemetry());
 }
 
 static void a_position_of_0_0_is_none(void **state)
@@ -424,11 +483,15 @@ int main(void)
         cmocka_unit_test_setup(a_timestamp_that_never_moves_gives_one_position, begin_setup),
         cmocka_unit_test_setup(a_native_position_wins_while_it_is_fresh_and_again_when_it_returns,
                                begin_setup),
+        cmocka_unit_test_setup(a_native_position_of_over_a_second_gives_way_to_a_newer_one,
+                               begin_setup),
+        cmocka_unit_test_setup(telemetry_fills_what_a_native_location_leaves_unknown, begin_setup),
         cmocka_unit_test_setup(when_both_stopped_the_newer_position_is_kept, begin_setup),
         cmocka_unit_test_setup(messages_out_of_order_do_not_move_it_back, begin_setup),
         cmocka_unit_test_setup(the_bench_position_speaks_only_when_nothing_else_does, begin_setup),
         cmocka_unit_test_setup(a_position_without_a_fix_is_none, begin_setup),
         cmocka_unit_test_setup(a_position_that_loses_its_fix_goes_stale, begin_setup),
+        cmocka_unit_test_setup(a_fix_type_that_stopped_coming_forbids_nothing, begin_setup),
         cmocka_unit_test_setup(a_position_of_0_0_is_none, begin_setup),
         cmocka_unit_test_setup(a_native_location_without_position_leaves_it_to_telemetry,
                                begin_setup),

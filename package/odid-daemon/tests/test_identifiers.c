@@ -198,7 +198,15 @@ static void secrets_in_other_texts(void **state)
         {"swe3JXZA7qbzvu5d\xE2\x80\x93xyz!", "swe3JXZA7qbzvu5d!"},
         {"SWE3jxza7qbzvu5d--xyz-abc/", "SWE3jxza7qbzvu5d/"},
         {"SWEabcdefghijklm-xyz", "SWEabcdefghijklm"}, /* no digit, but the proper form */
-        {"internationalist-xyz", NULL},               /* an ordinary word of 16 letters */
+        {"SWE3jxza7qbzvu5d xyz", "SWE3jxza7qbzvu5d"},
+        {"SWE3jxza7qbzvu5d_xyz", "SWE3jxza7qbzvu5d"},
+        {"SWE3jxza7qbzvu5dxyz", "SWE3jxza7qbzvu5d"},
+        {"Op SWE3jxza7qbzvu5d -xyz", "Op SWE3jxza7qbzvu5d"},
+        {"SWE3jxza7qbzvu5d xyz abc", "SWE3jxza7qbzvu5d abc"},
+        {"SWE3jxza7qbzvu5d - on patrol", NULL},
+        {"SWE3jxza7qbzvu5d on patrol", NULL},
+        {"SWE1E12345678901234", NULL},  /* a serial number of 19 characters */
+        {"internationalist-xyz", NULL}, /* an ordinary word of 16 letters */
         {"SWE3jxza7qbzvu5d", NULL},
         {"SWE3jxza7qbzvu5-xyz", NULL},
         {"", NULL},
@@ -213,13 +221,42 @@ static void secrets_in_other_texts(void **state)
     }
 }
 
+static void a_number_alone_ends_after_16_characters(void **state)
+{
+    static const char *const given[] = {"FIN87astrdge12k8-xyz", "FIN87astrdge12k8xyz",
+                                        "FIN87astrdge12k8 xyz", "FIN87astrdge12k8_xyz",
+                                        "FIN87astrdge12k8xy",   "FIN87astrdge12k8:xyz"};
+    char number[24];
+
+    (void)state;
+    for (size_t i = 0; i < sizeof(given) / sizeof(given[0]); i++) {
+        memset(number, 0, sizeof(number));
+        strcpy(number, given[i]);
+        assert_true(identifiers_cut_operator(number));
+        assert_string_equal(number, "FIN87astrdge12k8");
+        for (size_t at = 16; at < sizeof(number); at++) {
+            assert_int_equal(number[at], 0); /* nor behind its end */
+        }
+    }
+    strcpy(number, "FIN87astrdge12k8");
+    assert_false(identifiers_cut_operator(number));
+    strcpy(number, "OP-1234"); /* another authority's */
+    assert_false(identifiers_cut_operator(number));
+    assert_string_equal(number, "OP-1234");
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(valid_serials),     cmocka_unit_test(length_codes),
-        cmocka_unit_test(serial_alphabet),   cmocka_unit_test(invalid_serials),
-        cmocka_unit_test(valid_operators),   cmocka_unit_test(every_single_error_is_noticed),
-        cmocka_unit_test(invalid_operators), cmocka_unit_test(secrets_in_other_texts),
+        cmocka_unit_test(valid_serials),
+        cmocka_unit_test(length_codes),
+        cmocka_unit_test(serial_alphabet),
+        cmocka_unit_test(invalid_serials),
+        cmocka_unit_test(valid_operators),
+        cmocka_unit_test(every_single_error_is_noticed),
+        cmocka_unit_test(invalid_operators),
+        cmocka_unit_test(secrets_in_other_texts),
+        cmocka_unit_test(a_number_alone_ends_after_16_characters),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

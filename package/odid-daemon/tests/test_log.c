@@ -8,6 +8,7 @@
 
 #include <fcntl.h>
 #include <string.h>
+#include <sys/socket.h>
 #include <unistd.h>
 
 #include "log.h"
@@ -100,6 +101,21 @@ static void a_logger_that_hangs_stops_nobody(void **state)
     assert_string_equal(logged(), "info: it reads again\n");
 }
 
+/* As a service manager's journal that stopped: a stream socket, unread. */
+static void a_socket_that_nobody_reads_stops_nobody(void **state)
+{
+    int ends[2];
+
+    (void)state;
+    assert_int_equal(socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends), 0);
+    dup2(ends[1], STDERR_FILENO);
+    for (int i = 0; i < 10000; i++) {
+        log_info("line %d", i);
+    }
+    close(ends[0]);
+    close(ends[1]);
+}
+
 int main(void)
 {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
@@ -109,6 +125,7 @@ int main(void)
         TEST(control_characters_from_outside_are_shown_harmless),
         TEST(a_line_has_at_most_512_bytes),
         TEST(a_logger_that_hangs_stops_nobody),
+        TEST(a_socket_that_nobody_reads_stops_nobody),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -120,6 +120,21 @@ static void a_fight_is_limited_to_four_times_a_second(void **state)
     assert_true(loop_until(nothing_is_blocked, 1000));
 }
 
+/* A driver that refused: the kernel takes the order, and sends no event. */
+static void a_block_that_stays_is_undone_again(void **state)
+{
+    (void)state;
+    say(6, RFKILL_TYPE_WLAN, RFKILL_OP_ADD, 1, 0);
+    expect_unblock(6);
+    expect_unblock(6);
+    expect_unblock(6);
+    say(6, RFKILL_TYPE_WLAN, RFKILL_OP_CHANGE, 0, 0);
+    assert_true(loop_until(nothing_is_blocked, 1000));
+    run_ms(300);
+    assert_int_equal(unblocks(6), 0);
+    say(6, RFKILL_TYPE_WLAN, RFKILL_OP_DEL, 0, 0);
+}
+
 static void a_switch_cannot_be_undone(void **state)
 {
     bool hard = false;
@@ -171,6 +186,7 @@ int main(void)
         cmocka_unit_test(a_soft_block_is_undone_at_once),
         cmocka_unit_test(one_blocked_from_the_start_is_unblocked),
         cmocka_unit_test(a_fight_is_limited_to_four_times_a_second),
+        cmocka_unit_test(a_block_that_stays_is_undone_again),
         cmocka_unit_test(a_switch_cannot_be_undone),
         cmocka_unit_test(radios_that_are_not_ours_are_left_alone),
         cmocka_unit_test(a_dongle_may_be_plugged_in_ever_again),
