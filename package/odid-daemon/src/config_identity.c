@@ -34,11 +34,13 @@ static size_t make_ascii(char *text)
 static void put_identifier(char field[IDENTIFIER_MAX + 1], const char *text,
                            struct config_value *value)
 {
-    size_t length = strlen(text), cut = utf8_cut(text, IDENTIFIER_MAX);
+    size_t length = strlen(text), cut = utf8_cut(text, IDENTIFIER_MAX), replaced;
 
     memset(field, 0, IDENTIFIER_MAX + 1);
     memcpy(field, text, cut);
-    if (make_ascii(field) > 0) {
+    replaced = make_ascii(field);
+    identifiers_remove_secrets(field); /* what looks like one now that it was cut */
+    if (replaced > 0) {
         config_say(value->source, CONFIG_ERROR,
                    "%s: expected only ASCII letters and digits; sent as \"%s\"", value->label,
                    field);
@@ -96,6 +98,7 @@ static bool take_description(const struct config_rule *rule, void *field,
     (void)rule;
     memset(out, 0, CONFIG_DESCRIPTION_MAX + 1);
     memcpy(out, clean, cut);
+    identifiers_remove_secrets(out); /* what looks like one now that it was cut */
     if (replaced > 0) {
         config_say(value->source, CONFIG_ERROR,
                    "%s holds %zu bytes that are no UTF-8 (a file saved as \"ANSI\"?); sent as "

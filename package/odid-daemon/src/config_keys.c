@@ -151,8 +151,9 @@ void config_say(struct config_source *source, enum config_severity severity, con
         vsnprintf(text + filled, sizeof(text) - filled, format, arguments);
         va_end(arguments);
     }
-    identifiers_remove_secrets(text); /* whatever it was that was quoted */
+    identifiers_remove_secrets(text); /* whatever it was that was quoted, ... */
     utf8_clean(sentence, sizeof(sentence), text);
+    identifiers_remove_secrets(sentence); /* ... and what looks like one now that it was cut */
     source->report(source->context, severity, sentence);
 }
 
