@@ -286,15 +286,15 @@ bool identifiers_remove_secrets(char *text)
     bool removed = false;
 
     for (size_t i = 0; text[i] != '\0'; i++) {
-        char *secret = text + i + OPERATOR_PUBLIC;
-        size_t length, left;
+        size_t length;
 
         if ((i > 0 && is_alphanumeric(text[i - 1])) || !is_number_in_text(text + i)) {
             continue;
         }
-        for (length = secret_length(text + i); length > 0;
-             length = is_dash(secret) ? secret_length(text + i) : 0) {
-            left = strlen(secret + length);
+        while ((length = secret_length(text + i)) > 0) {
+            char *secret = text + i + OPERATOR_PUBLIC;
+            size_t left = strlen(secret + length);
+
             memmove(secret, secret + length, left);
             explicit_bzero(secret + left, length); /* nor behind the new end */
             removed = true;

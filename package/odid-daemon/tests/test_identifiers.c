@@ -202,7 +202,7 @@ static void secrets_in_other_texts(void **state)
         {"SWE3jxza7qbzvu5d_xyz", "SWE3jxza7qbzvu5d"},
         {"SWE3jxza7qbzvu5dxyz", "SWE3jxza7qbzvu5d"},
         {"Op SWE3jxza7qbzvu5d -xyz", "Op SWE3jxza7qbzvu5d"},
-        {"SWE3jxza7qbzvu5d xyz abc", "SWE3jxza7qbzvu5d abc"},
+        {"SWE3jxza7qbzvu5d-- xyz, abc", "SWE3jxza7qbzvu5d, abc"},
         {"SWE3jxza7qbzvu5d - on patrol", NULL},
         {"SWE3jxza7qbzvu5d on patrol", NULL},
         {"SWE1E12345678901234", NULL},  /* a serial number of 19 characters */
