@@ -213,8 +213,7 @@ void bluetooth_stop(void)
 {
     for (unsigned i = 0; i < self.count; i++) {
         bluetooth_silence(&self.adapters[i], loop_now_us());
-        hci_drain(&self.adapters[i].hci);
-        hci_close(&self.adapters[i].hci);
+        hci_finish(&self.adapters[i].hci);
         loop_arm(&self.adapters[i].timer, LOOP_NEVER);
     }
     self.count = 0;

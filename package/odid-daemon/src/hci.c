@@ -25,7 +25,7 @@
 /* Reads in one go: whoever talks without end must not keep the loop from its deadlines. */
 #define READS_MAX 8
 /* A command of 35 bytes takes 3 ms at 115200 baud. */
-#define DRAIN_MS 50
+#define FINISH_MS 50
 
 static const char h4_prefix[] = "h4:";
 
@@ -229,28 +229,30 @@ int hci_open(struct hci *hci, const char *adapter, hci_event_fn *on_event, hci_l
 
 void hci_close(struct hci *hci)
 {
-    int fd = hci->watch.fd;
+    if (hci->h4 && hci_is_open(hci)) {
+        tcflush(hci->watch.fd, TCOFLUSH); /* close() waits 30 s for one that holds CTS back */
+    }
+    hci_finish(hci);
+}
+
+void hci_finish(struct hci *hci)
+{
+    int fd = hci->watch.fd, unsent = 0;
 
     loop_unwatch(&hci->watch);
     if (fd < 0) {
         return;
     }
-    if (hci->h4) {
-        tcflush(fd, TCOFLUSH); /* close() waits 30 s for a controller that holds CTS back */
-    }
-    close(fd);
-}
-
-void hci_drain(const struct hci *hci)
-{
-    int unsent = 0;
-
-    for (int i = 0; i < DRAIN_MS && hci->h4 && hci_is_open(hci); i++) {
-        if (ioctl(hci->watch.fd, TIOCOUTQ, &unsent) < 0 || unsent == 0) {
-            return;
+    for (int i = 0; hci->h4 && i < FINISH_MS; i++) {
+        if (ioctl(fd, TIOCOUTQ, &unsent) < 0 || unsent == 0) {
+            break;
         }
         poll(NULL, 0, 1);
     }
+    if (unsent > 0) {
+        tcflush(fd, TCOFLUSH);
+    }
+    close(fd);
 }
 
 bool hci_is_open(const struct hci *hci)

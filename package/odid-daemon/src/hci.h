@@ -44,10 +44,9 @@ struct hci {
  */
 int hci_open(struct hci *hci, const char *adapter, hci_event_fn *on_event, hci_lost_fn *on_lost,
              void *context);
-/* What an H4 device hasn't taken yet is thrown away; hci_drain before it waits for it, 50 ms at
- * most. */
+/* What an H4 device hasn't taken yet is thrown away; hci_finish waits for that, 50 ms at most. */
 void hci_close(struct hci *hci);
-void hci_drain(const struct hci *hci);
+void hci_finish(struct hci *hci);
 bool hci_is_open(const struct hci *hci);
 
 /* Writes one command packet; never blocks. Returns 0, or -errno. */
