@@ -182,7 +182,7 @@ static void a_payload_is_taken_when_the_controller_says_so(void **state)
     run_ms(20);
     assert_int_equal(bt4.payloads, before);
     fake_release(&fake);
-    run_ms(5);
+    run_ms(SETTLE_MS);
     assert_int_equal(bt4.payloads, before + 1);
     assert_true(loop_now_us() - bt4.accepted_us < 100000);
 }
@@ -219,16 +219,16 @@ static void what_was_overtaken_is_not_sent(void **state)
     fake.holds = true;
     n = fake.count;
     set_extended(10);
-    run_ms(5);
+    run_ms(SETTLE_MS);
     set_extended(11);
     set_legacy(20);
     set_legacy(21);
     set_extended(12);
-    run_ms(5);
+    run_ms(SETTLE_MS);
     assert_int_equal(fake.count, n + 1); /* one command at a time */
     for (int i = 0; i < 3; i++) {
         fake_release(&fake);
-        run_ms(i == 1 ? 220 : 5); /* what is set stays for as long as it takes to be sent */
+        run_ms(i == 1 ? 220 : SETTLE_MS); /* what is set stays for as long as it takes to be sent */
     }
     assert_int_equal(fake.count, n + 3);
     assert_int_equal(fake.commands[n].parameters[4 + 5], 10);
@@ -236,6 +236,11 @@ static void what_was_overtaken_is_not_sent(void **state)
     assert_int_equal(fake.commands[n + 1].parameters[4 + 5], 21);
     assert_int_equal(fake.commands[n + 2].parameters[0], 1);
     assert_int_equal(fake.commands[n + 2].parameters[4 + 5], 12);
+}
+
+static bool third_is_set(void)
+{
+    return fake.sets[0].data[5] == 3;
 }
 
 static void a_controller_without_room_is_waited_for(void **state)
@@ -254,9 +259,13 @@ static void a_controller_without_room_is_waited_for(void **state)
     assert_int_equal(fake.count, n + 1);
     fake.no_room = false;
     fake_send(&fake, room, sizeof(room));
-    run_ms(20);
-    assert_int_equal(fake.sets[0].data[5], 3);
+    assert_true(loop_until(third_is_set, 1000));
     assert_int_equal(bt4.failures, 0);
+}
+
+static bool both_are_on_air(void)
+{
+    return legacy_on_air() && bt5.state == RADIO_ON_AIR && second.sets[1].enabled;
 }
 
 static void long_range_may_have_an_adapter_of_its_own(void **state)
@@ -268,10 +277,7 @@ static void long_range_may_have_an_adapter_of_its_own(void **state)
     begin();
     set_legacy(1);
     set_extended(1);
-    run_ms(50);
-    assert_true(legacy_on_air());
-    assert_int_equal(bt5.state, RADIO_ON_AIR);
-    assert_true(second.sets[1].enabled);
+    assert_true(loop_until(both_are_on_air, 1000));
     assert_false(second.sets[0].known);
     assert_memory_equal(fake.sets[0].address, second.sets[1].address, 6);
     bluetooth_stop();
@@ -279,13 +285,17 @@ static void long_range_may_have_an_adapter_of_its_own(void **state)
     fake_end(&second);
 }
 
+static bool is_silent(void)
+{
+    return !fake.sets[0].enabled && !fake.sets[1].enabled;
+}
+
 static void the_end_is_silent(void **state)
 {
     (void)state;
     start_on_air(CAPABLE);
     bluetooth_stop();
-    run_ms(5);
-    assert_false(fake.sets[0].enabled || fake.sets[1].enabled);
+    assert_true(loop_until(is_silent, 1000));
 }
 
 int main(void)
