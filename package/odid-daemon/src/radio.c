@@ -39,7 +39,7 @@ void radio_init(struct radio *radio, enum radio_state state, int64_t now_us)
     memset(radio, 0, sizeof(*radio));
     radio->state = state;
     radio->since_us = now_us;
-    radio->accepted_us = INT64_MIN;
+    radio->accepted_us = radio->confirmed_us = radio->unbroken_us = INT64_MIN;
 }
 
 void radio_enter(struct radio *radio, enum channel channel, enum radio_state state,
@@ -72,6 +72,15 @@ void radio_accepted(struct radio *radio, enum channel channel, int64_t now_us)
     (void)channel;
     radio->accepted_us = now_us;
     radio->payloads++;
+    radio_confirmed(radio, now_us);
+}
+
+void radio_confirmed(struct radio *radio, int64_t now_us)
+{
+    if (radio->confirmed_us == INT64_MIN || now_us - radio->confirmed_us > RADIO_PAUSE_US) {
+        radio->unbroken_us = now_us;
+    }
+    radio->confirmed_us = now_us;
 }
 
 int64_t retry_next(struct retry *retry, int64_t now_us)

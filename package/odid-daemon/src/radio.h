@@ -22,11 +22,15 @@ enum radio_state {
 };
 
 #define RADIO_DETAIL_SIZE 112
+/* Confirmations come every second or oftener; later than this, the content had a gap. */
+#define RADIO_PAUSE_US 1500000
 
 struct radio {
     enum radio_state state;
     int64_t since_us;               /* when this state began */
     int64_t accepted_us;            /* when the radio last took a payload; INT64_MIN: never */
+    int64_t confirmed_us;           /* when it was last known to transmit the newest content */
+    int64_t unbroken_us;            /* since when it was known without a pause; INT64_MIN: never */
     uint64_t payloads;              /* taken by the radio */
     unsigned starts;                /* times it came on air */
     unsigned repairs;               /* foreign commands undone */
@@ -46,6 +50,8 @@ void radio_enter(struct radio *radio, enum channel channel, enum radio_state sta
 
 /* A payload was taken: the channel is on air. */
 void radio_accepted(struct radio *radio, enum channel channel, int64_t now_us);
+/* The radio says that it transmits what it was given last, and nothing newer waits. */
+void radio_confirmed(struct radio *radio, int64_t now_us);
 
 /* Capped exponential retry: 250 ms, 500 ms, then every second. */
 struct retry {

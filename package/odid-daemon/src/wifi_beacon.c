@@ -144,6 +144,9 @@ static void take_status(const char *reply, int64_t now_us)
     enabled = strcmp(state, "ENABLED") == 0;
     if (enabled) {
         self.pending = self.pending || !self.enabled; /* it may have forgotten */
+        if (!self.pending && self.radio->state == RADIO_ON_AIR) {
+            radio_confirmed(self.radio, now_us); /* unchanged content is not given again */
+        }
     } else {
         snprintf(detail, sizeof(detail), "hostapd's state of %s: %s", self.config->wifi_iface,
                  state[0] != '\0' ? state : "unknown");

@@ -80,9 +80,10 @@ static inline void fixture_reset(void)
         fixture.radios[channel].state = RADIO_ON_AIR;
         fixture.radios[channel].since_us = NOW - 5000000;
         fixture.radios[channel].accepted_us = NOW - 100000;
+        fixture.radios[channel].confirmed_us = NOW - 50000;
+        fixture.radios[channel].unbroken_us = NOW - 4900000;
     }
-    fixture.radios[CHANNEL_BT5].state = RADIO_UNSUPPORTED;
-    fixture.radios[CHANNEL_BT5].accepted_us = INT64_MIN;
+    radio_init(&fixture.radios[CHANNEL_BT5], RADIO_UNSUPPORTED, NOW - 5000000);
     fixture.input = (struct health_input){
         .config = &fixture.config,
         .view = &fixture.view,

@@ -32,6 +32,24 @@ static void the_time_of_a_state_is_that_of_its_beginning(void **state)
     assert_int_equal(radio.payloads, 1);
 }
 
+static void a_pause_ends_what_was_unbroken(void **state)
+{
+    struct radio radio;
+
+    (void)state;
+    radio_init(&radio, RADIO_STARTING, 5);
+    assert_int_equal(radio.confirmed_us, INT64_MIN);
+    assert_int_equal(radio.unbroken_us, INT64_MIN);
+    radio_accepted(&radio, CHANNEL_WIFI, 50);
+    assert_int_equal(radio.unbroken_us, 50);
+    radio_confirmed(&radio, 50 + RADIO_PAUSE_US);
+    assert_int_equal(radio.unbroken_us, 50);
+    assert_int_equal(radio.confirmed_us, 50 + RADIO_PAUSE_US);
+    assert_int_equal(radio.accepted_us, 50);
+    radio_accepted(&radio, CHANNEL_WIFI, 51 + 2 * RADIO_PAUSE_US);
+    assert_int_equal(radio.unbroken_us, 51 + 2 * RADIO_PAUSE_US);
+}
+
 static void a_long_detail_is_cut(void **state)
 {
     struct radio radio;
@@ -75,6 +93,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_time_of_a_state_is_that_of_its_beginning),
+        cmocka_unit_test(a_pause_ends_what_was_unbroken),
         cmocka_unit_test(a_long_detail_is_cut),
         cmocka_unit_test(retries_become_rarer_up_to_once_a_second),
         cmocka_unit_test(everything_has_a_name),

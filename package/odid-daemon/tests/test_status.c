@@ -84,8 +84,8 @@ static void stable_names(void **state)
     expect_fields(root, "channels", "bt4 bt5 wifi");
     channels = json_object_object_get(root, "channels");
     expect_fields(channels, "bt4",
-                  "title state detail required since_s last_accepted_s payloads starts repairs "
-                  "failures");
+                  "title state detail required since_s last_accepted_s confirmed_s unbroken_s "
+                  "payloads starts repairs failures");
     expect_fields(root, "link",
                   "name state detail since_s bytes_in bytes_out bytes_dropped opened senders");
     expect_fields(root, "mavlink",
@@ -131,6 +131,9 @@ static void values(void **state)
     expect_json("channels.bt5.required", "false");
     expect_json("channels.bt5.last_accepted_s", "null");
     expect_json("channels.wifi.last_accepted_s", "0.10");
+    expect_json("channels.wifi.confirmed_s", "0.05");
+    expect_json("channels.wifi.unbroken_s", "4.90");
+    expect_json("channels.bt5.unbroken_s", "null");
     expect_json("position.latitude_deg", "57.7089000");
     expect_json("position.altitude_barometric_m", "null");
     expect_json("position.direction_deg", "null");

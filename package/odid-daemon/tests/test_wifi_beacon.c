@@ -72,6 +72,21 @@ static int tear_down(void **state)
     return fake_hostapd_end(&fake) ? 0 : -1;
 }
 
+static bool it_is_confirmed(void)
+{
+    return radio.confirmed_us > radio.accepted_us;
+}
+
+static void an_unchanged_element_is_confirmed(void **state)
+{
+    (void)state;
+    start();
+    assert_true(loop_until(it_is_in_the_beacon, 500));
+    assert_true(loop_until(it_is_confirmed, 1500));
+    assert_int_equal(radio.payloads, 1);
+    assert_true(radio.confirmed_us - radio.unbroken_us < RADIO_PAUSE_US);
+}
+
 static void an_element_gets_into_the_beacon(void **state)
 {
     (void)state;
@@ -216,6 +231,7 @@ int main(void)
 #define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
     const struct CMUnitTest tests[] = {
         TEST(an_element_gets_into_the_beacon),
+        TEST(an_unchanged_element_is_confirmed),
         TEST(the_same_element_is_not_sent_again),
         TEST(of_several_elements_the_newest_is_sent),
         TEST(hostapd_is_asked_once_a_second_by_itself),

@@ -1,0 +1,137 @@
+/*
+ * The flight record: what happened to the broadcast since power-on, as lines
+ * that answer "was Remote ID on the air the whole flight?".
+ *
+ * Pure: is given the daemon's status once a second, and the time; decides
+ * which lines to append. Times are CLOCK_MONOTONIC, which begins at power-on.
+ * The lines' names and fields are documented in odid-recorder(8).
+ */
+#ifndef ODID_RECORDER_H
+#define ODID_RECORDER_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "radio.h"
+
+#define RECORDER_LINE_SIZE 1024
+#define RECORDER_NAME_SIZE 32
+#define RECORDER_TEXT_SIZE 160
+#define RECORDER_BOARD_FAULTS 12
+/* What never was on the air or complete is a fault only after this long: it has to start first. */
+#define RECORDER_STARTING_US 30000000
+
+/* The kinds of faults; behind them a place for each of the appliance's own. */
+enum recorder_fault_kind {
+    RECORDER_DAEMON,  /* it doesn't answer */
+    RECORDER_CHANNEL, /* and the two behind it: one a channel */
+    RECORDER_LINK = RECORDER_CHANNEL + CHANNELS,
+    RECORDER_POSITION,     /* none, or it stopped */
+    RECORDER_IDENTITY,     /* no Basic ID, or no operator number */
+    RECORDER_UNDERVOLTAGE, /* the board's supply */
+    RECORDER_THROTTLED,    /* the processor is slowed down */
+    RECORDER_KINDS,        /* the kinds whose armed time is counted */
+    RECORDER_FAULTS = RECORDER_KINDS + RECORDER_BOARD_FAULTS,
+};
+
+/* "daemon", "bt4", "link", ...: a fault's name in the record. */
+const char *recorder_kind_name(enum recorder_fault_kind kind);
+
+/* One channel, as the daemon sees it. Instants: INT64_MIN for never. */
+struct recorder_channel_status {
+    bool required, on_air;
+    int64_t confirmed_us;          /* last known to transmit the newest content */
+    int64_t unbroken_us;           /* since when without a pause */
+    char text[RECORDER_TEXT_SIZE]; /* "absent: no control socket" */
+};
+
+/* What the board says besides. */
+struct recorder_board {
+    bool undervoltage, throttled;         /* now */
+    bool was_undervoltage, was_throttled; /* at some time since the last look */
+    unsigned faults;                      /* of the appliance, /run/faults */
+    struct {
+        char name[RECORDER_NAME_SIZE], text[RECORDER_TEXT_SIZE];
+    } fault[RECORDER_BOARD_FAULTS];
+};
+
+/* All that is known at one instant. */
+struct recorder_snapshot {
+    bool answered;                 /* else only text and board are set */
+    char text[RECORDER_TEXT_SIZE]; /* why it did not answer */
+    int64_t daemon_start_us;
+    struct recorder_channel_status channels[CHANNELS];
+    bool armed_known, armed;
+    bool link, position, identity; /* as they should be */
+    int64_t unix_us;               /* UTC by the autopilot; 0 when unknown */
+    struct recorder_board board;
+};
+
+/* What is summed up; written again and again, so that a power cut loses little. */
+struct recorder_channel_totals {
+    bool required;
+    int64_t first_us;   /* first on the air; INT64_MIN: never */
+    int64_t heard_us;   /* last known to be on the air; INT64_MIN: never */
+    int64_t silent_us;  /* gaps while armed, all together, without an unfinished one */
+    int64_t longest_us; /* the longest of them */
+    unsigned gaps;      /* their number */
+};
+
+struct recorder_totals {
+    int64_t at_us;
+    int64_t armed_since_us;           /* INT64_MIN: not armed */
+    int64_t armed_us;                 /* the time armed, all together */
+    unsigned faults, armed_faults;    /* all; those that were there while armed */
+    unsigned restarts;                /* of the daemon */
+    int64_t fault_us[RECORDER_KINDS]; /* while armed */
+    struct recorder_channel_totals channels[CHANNELS];
+};
+
+struct recorder_fault {
+    char name[RECORDER_NAME_SIZE]; /* empty: this place is free */
+    bool there, was_armed;
+    int64_t since_us;
+};
+
+typedef void recorder_line_fn(void *context, const char *line); /* without its newline */
+
+struct recorder {
+    recorder_line_fn *line;
+    void *context;
+    struct recorder_totals totals;
+    int64_t settled_us[CHANNELS]; /* silence is counted up to here */
+    int64_t start_us;
+    int64_t daemon_start_us; /* INT64_MIN: not known */
+    int64_t clock_offset_us,
+        clock_said_us;         /* UTC minus our clock, and when it was said; 0: never */
+    bool seen[RECORDER_KINDS]; /* was as it should be once */
+    struct recorder_fault faults[RECORDER_FAULTS];
+};
+
+/* image: the appliance's version; boot: the kernel's boot id. Both go into the first line. */
+void recorder_start(struct recorder *recorder, recorder_line_fn *line, void *context,
+                    const char *boot, const char *image, int64_t now_us);
+
+/* Goes on with a record that an earlier process began: its totals, and the faults that were there.
+ */
+void recorder_continue(struct recorder *recorder, recorder_line_fn *line, void *context,
+                       const struct recorder_totals *totals, const struct recorder_fault *faults,
+                       unsigned count, int64_t now_us);
+
+/* Takes one snapshot. */
+void recorder_tick(struct recorder *recorder, const struct recorder_snapshot *snapshot,
+                   int64_t now_us);
+
+bool recorder_armed(const struct recorder *recorder);
+
+/* The armed part of a gap that isn't over; 0 when there is none. */
+int64_t recorder_open_gap_us(const struct recorder *recorder, enum channel channel);
+
+/* Says how it stands, as of the last tick. */
+void recorder_say_totals(struct recorder *recorder);
+
+/* An orderly end: the totals, and the last line. */
+void recorder_end(struct recorder *recorder, int64_t now_us);
+
+#endif
