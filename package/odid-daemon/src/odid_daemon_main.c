@@ -17,6 +17,7 @@
 #include <unistd.h>
 
 #include "aircraft.h"
+#include "alive.h"
 #include "bluetooth.h"
 #include "health.h"
 #include "link.h"
@@ -306,6 +307,7 @@ static void start_modules(int64_t now_us)
     schedule_start(&self.schedule, now_us);
     loop_arm(&self.slot, now_us);
     loop_arm(&self.tick, now_us);
+    alive_start(now_us);
 }
 
 static int run(void)
@@ -325,6 +327,7 @@ static int run(void)
         log_warning("no real-time priority (%s): slots may be late under load", strerror(-result));
     }
     make_run_dir();
+    alive_open();
     if (sandbox_enter(config()->user, self.options.seccomp_log) < 0) {
         return EXIT_FAILURE;
     }

@@ -163,10 +163,13 @@ static int enter_filter(bool log_only)
 static int become(const char *user)
 {
     const struct passwd *entry = getpwnam(user);
-    int result;
+    int result, parent_death_signal = 0;
 
     if (entry == NULL) {
         return -ENOENT;
+    }
+    if (prctl(PR_GET_PDEATHSIG, &parent_death_signal) < 0) {
+        return -errno;
     }
     capng_clear(CAPNG_SELECT_ALL);
     if (capng_updatev(CAPNG_ADD, CAPNG_EFFECTIVE | CAPNG_PERMITTED, CAP_NET_RAW, CAP_NET_ADMIN,
@@ -175,7 +178,11 @@ static int become(const char *user)
     }
     result = capng_change_id((int)entry->pw_uid, (int)entry->pw_gid,
                              CAPNG_INIT_SUPP_GRP | CAPNG_CLEAR_BOUNDING | CAPNG_CLEAR_AMBIENT);
-    return result < 0 ? -EPERM : 0;
+    if (result < 0) {
+        return -EPERM;
+    }
+    /* The change has cleared it, and with it the keeper's way not to leave us behind. */
+    return prctl(PR_SET_PDEATHSIG, parent_death_signal) < 0 ? -errno : 0;
 }
 
 int sandbox_enter(const char *user, bool log_only)
