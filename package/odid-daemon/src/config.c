@@ -36,6 +36,10 @@ void config_defaults(struct config *config)
         .bench_longitude_deg = NAN,
         .run_dir = "/run/odid",
         .user = "odid",
+        .autopilot_device = "auto",
+        .autopilot_baud = 921600,
+        .wifi_country = "SE",
+        .wifi_channel = 6,
     };
     for (unsigned i = 0; i < CONFIG_BASIC_IDS; i++) {
         config->basic_id[i].id_type = 1;
@@ -75,8 +79,7 @@ static bool is_all_nul(const char *text, size_t length)
     return length > 0 && text[0] == '\0' && memcmp(text, text + 1, length - 1) == 0;
 }
 
-/* Why the text is no INI file; NULL when it may be one. */
-static const char *not_ini(const char *text, size_t length)
+const char *config_not_ini(const char *text, size_t length)
 {
     if (length == 0) {
         return "is empty";
@@ -121,8 +124,16 @@ static void check_place(struct config_source *source, const char *names, double 
 unsigned config_parse(struct config *config, const char *name, const char *text, size_t length,
                       config_report_fn *report, void *context)
 {
-    struct config_source source = {.name = name, .report = report, .context = context};
-    const char *fault = not_ini(text, length);
+    return config_parse_places(config, name, text, length, report, NULL, context);
+}
+
+unsigned config_parse_places(struct config *config, const char *name, const char *text,
+                             size_t length, config_report_fn *report, config_place_fn *place,
+                             void *context)
+{
+    struct config_source source = {
+        .name = name, .report = report, .place = place, .context = context};
+    const char *fault = config_not_ini(text, length);
 
     if (fault != NULL) {
         config_say(&source, CONFIG_ERROR, "%s; nothing in it is used", fault);

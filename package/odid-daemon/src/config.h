@@ -22,6 +22,9 @@
 
 enum mavlink_source { MAVLINK_SOURCE_SERIAL, MAVLINK_SOURCE_UDP };
 
+#define CONFIG_PASSWORD_MIN 8 /* WPA2 */
+#define CONFIG_PASSWORD_MAX 63
+
 /* An identity as configured. An empty uas_id means "not configured". */
 struct config_basic_id {
     char uas_id[IDENTIFIER_MAX + 1];
@@ -66,6 +69,20 @@ struct config {
     /* [daemon] */
     char run_dir[CONFIG_PATH_SIZE]; /* status socket and hostapd's replies; /run/odid */
     char user[32];                  /* the daemon's own user; odid */
+    /*
+     * The appliance's own sections, [autopilot] to [board]: the daemon takes no
+     * notice of them. Its services ask odidctl.
+     */
+    char autopilot_device[CONFIG_PATH_SIZE]; /* auto, usb:vvvv:pppp or a path; auto */
+    unsigned autopilot_baud;                 /* 921600 */
+    char ground_station[22];                 /* a.b.c.d or a.b.c.d:port; empty: none */
+    char wifi_country[3];                    /* two capitals; SE */
+    uint8_t wifi_channel;                    /* 1-11; 6 */
+    /* Only from the file to odidctl, which makes a key of it; whoever doesn't clears it. */
+    char maintenance_password[CONFIG_PASSWORD_MAX + 1];
+    bool maintenance_at_boot;                        /* false */
+    uint8_t board_antenna, board_usb, board_console; /* codes of config_keys.h; 0 */
+    char board_uarts[48];                            /* "uart2 uart3"; empty: none */
     /* flags only */
     bool debug;
 };

@@ -51,6 +51,15 @@ const struct config_code config_operator_id_types[] = {{"operator_id", 0}, {NULL
 const struct config_code config_sources[] = {
     {"serial", MAVLINK_SOURCE_SERIAL}, {"udp", MAVLINK_SOURCE_UDP}, {NULL, 0}};
 
+/* The appliance's board; its boot script knows these words. */
+const struct config_code config_antennas[] = {{"internal", 0}, {"external", 1}, {NULL, 0}};
+
+const struct config_code config_usb_roles[] = {{"host", 0}, {"gadget", 1}, {NULL, 0}};
+
+const struct config_code config_consoles[] = {{"off", 0},   {"usb", 1},   {"uart0", 2},
+                                              {"uart1", 3}, {"uart2", 4}, {"uart3", 5},
+                                              {"uart4", 6}, {"uart5", 7}, {NULL, 0}};
+
 const char *config_code_name(const struct config_code *table, int code)
 {
     for (; table->name != NULL; table++) {

@@ -8,14 +8,6 @@
 #include "config_keys.h"
 #include "utf8.h"
 
-static void show_text(const struct config_rule *rule, const void *field, char *out, size_t size)
-{
-    const char *text = field;
-
-    (void)rule;
-    snprintf(out, size, "%s", text[0] == '\0' ? "none" : text);
-}
-
 /* Bytes other than printable ASCII become '?'. Returns how many did. */
 static size_t make_ascii(char *text)
 {
@@ -122,6 +114,7 @@ static bool take_description(const struct config_rule *rule, void *field,
     return true;
 }
 
-const struct config_rule config_rule_id = {.take = take_id, .show = show_text};
-const struct config_rule config_rule_operator = {.take = take_operator, .show = show_text};
-const struct config_rule config_rule_description = {.take = take_description, .show = show_text};
+const struct config_rule config_rule_id = {.take = take_id, .show = config_text_show};
+const struct config_rule config_rule_operator = {.take = take_operator, .show = config_text_show};
+const struct config_rule config_rule_description = {.take = take_description,
+                                                    .show = config_text_show};

@@ -125,6 +125,9 @@ static void plain_section(struct reader *reader, struct span line, char *out, si
                        "[%s]: what follows in the same line is ignored", text);
         }
     }
+    if (reader->source->place != NULL) {
+        reader->source->place(reader->source->context, NULL, reader->section, reader->line);
+    }
     snprintf(out, size, "[%s]\n", reader->section);
 }
 
@@ -204,6 +207,32 @@ static struct span bare_value(struct reader *reader, const char *key, struct spa
     return inner;
 }
 
+/* The value with its quotes, between what must stay of a line that gets another value. */
+void config_ini_value(const char *text, size_t length, size_t *from, size_t *to)
+{
+    struct span line = {text, length}, value, inner, rest;
+    const struct quotes *kind;
+    size_t sign = 0;
+
+    while (sign < length && text[sign] != '=' && text[sign] != ':') {
+        sign++;
+    }
+    value = sign == length ? (struct span){text + length, 0} : after(line, sign + 1);
+    kind = opening_quote(value);
+    if (kind == NULL) {
+        value = until(value, ";");
+        *to = (size_t)(value.at + value.length - text);
+    } else if (between(kind, value, &inner, &rest)) {
+        *to = (size_t)(rest.at - text);
+    } else {
+        *to = (size_t)(inner.at + inner.length - text);
+    }
+    *from = (size_t)(value.at - text);
+    while (*to > *from && is_blank(text[*to - 1])) {
+        (*to)--;
+    }
+}
+
 static void hide_semicolons(char *text)
 {
     for (; *text != '\0'; text++) {
@@ -249,21 +278,27 @@ static void plain_setting(struct reader *reader, struct span line, char *out, si
 
 /* ---- the two functions that inih calls ---- */
 
-/* Lines end with LF, CR LF, or CR alone. */
+size_t config_ini_line(const char *text, size_t length, size_t *ending)
+{
+    size_t line = 0;
+
+    while (line < length && text[line] != '\n' && text[line] != '\r') {
+        line++;
+    }
+    *ending = line == length ? 0 : 1;
+    if (length - line > 1 && text[line] == '\r' && text[line + 1] == '\n') {
+        *ending = 2;
+    }
+    return line;
+}
+
 static struct span next_line(struct reader *reader)
 {
+    size_t ending;
     struct span line = {reader->next, 0};
 
-    while (reader->next < reader->end && *reader->next != '\n' && *reader->next != '\r') {
-        reader->next++;
-    }
-    line.length = (size_t)(reader->next - line.at);
-    if (reader->next < reader->end) {
-        bool two =
-            reader->end - reader->next > 1 && reader->next[0] == '\r' && reader->next[1] == '\n';
-
-        reader->next += two ? 2 : 1;
-    }
+    line.length = config_ini_line(reader->next, (size_t)(reader->end - reader->next), &ending);
+    reader->next += line.length + ending;
     reader->source->line = ++reader->line;
     return trim(line);
 }
@@ -325,6 +360,9 @@ static void take_setting(struct reader *reader, const struct config_key *key, co
                    "%s is set again (before in line %u); this one counts", label, *seen);
     }
     *seen = reader->line;
+    if (reader->source->place != NULL) {
+        reader->source->place(reader->source->context, key, text, reader->line);
+    }
     config_key_take(key, reader->config, &value);
 }
 

@@ -83,9 +83,11 @@ static void judge_operator(const struct config *config, struct config_source *so
 static void judge_system(const struct config *config, struct config_source *source)
 {
     if (config->operator_location_type == LOCATION_FIXED && isnan(config->operator_latitude_deg)) {
-        config_say(source, CONFIG_WARNING,
-                   "[system] operator_location_type = fixed needs operator_latitude and "
-                   "operator_longitude; the take-off point is used");
+        config_say(
+            source, CONFIG_WARNING,
+            "[system] operator_location_type = fixed needs operator_latitude and "
+            "operator_longitude; the ground station's place or the take-off point is sent, and "
+            "until one is known none");
     }
     if (config->operator_latitude_deg == 0 && config->operator_longitude_deg == 0) {
         config_say(source, CONFIG_WARNING,
@@ -157,6 +159,36 @@ static void judge_bench(const struct config *config, struct config_source *sourc
     }
 }
 
+/* The number in "uart3" or, of the same port, in "/dev/ttyAMA3"; -1: it is none. */
+static int uart_number(const char *name, const char *prefix)
+{
+    size_t length = strlen(prefix);
+
+    return strncmp(name, prefix, length) == 0 && name[length] >= '0' && name[length] <= '9' &&
+                   name[length + 1] == '\0'
+               ? name[length] - '0'
+               : -1;
+}
+
+static void judge_appliance(const struct config *config, struct config_source *source)
+{
+    const char *console = config_code_name(config_consoles, config->board_console);
+    const char *device = config->autopilot_device;
+    int uart = uart_number(console, "uart");
+
+    if ((config->bt4_enabled || config->bt5_enabled) &&
+        (uses_device(config->bt_adapter, device) || uses_device(config->bt5_adapter, device))) {
+        config_say(source, CONFIG_WARNING, "[autopilot] device and a Bluetooth adapter are both %s",
+                   device);
+    }
+    if (uart >= 0 && uart == uart_number(device, "/dev/ttyAMA")) {
+        config_say(source, CONFIG_WARNING,
+                   "[board] console = %s is the autopilot's port, [autopilot] device = %s: no "
+                   "telemetry comes through",
+                   console, device);
+    }
+}
+
 unsigned config_judge(const struct config *config, config_report_fn *report, void *context)
 {
     struct config_source source = {.name = "", .report = report, .context = context};
@@ -166,5 +198,6 @@ unsigned config_judge(const struct config *config, config_report_fn *report, voi
     judge_system(config, &source);
     judge_ways(config, &source);
     judge_bench(config, &source);
+    judge_appliance(config, &source);
     return source.warnings;
 }

@@ -1,5 +1,6 @@
 #include "config_keys.h"
 
+#include <math.h>
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdio.h>
@@ -46,6 +47,17 @@ const struct config_key config_keys[] = {
     {"bench", "longitude", AT(bench_longitude_deg), &config_rule_longitude},
     {"daemon", "run_dir", AT(run_dir), &config_rule_directory},
     {"daemon", "user", AT(user), &config_rule_user},
+    {"autopilot", "device", AT(autopilot_device), &config_rule_autopilot},
+    {"autopilot", "baud", AT(autopilot_baud), &config_rule_baud},
+    {"ground_station", "address", AT(ground_station), &config_rule_ground_station},
+    {"wifi", "country", AT(wifi_country), &config_rule_country},
+    {"wifi", "channel", AT(wifi_channel), &config_rule_channel},
+    {"maintenance", "password", AT(maintenance_password), &config_rule_password},
+    {"maintenance", "at_boot", AT(maintenance_at_boot), &config_rule_yes_no},
+    {"board", "antenna", AT(board_antenna), &config_rule_antenna},
+    {"board", "usb", AT(board_usb), &config_rule_usb},
+    {"board", "console", AT(board_console), &config_rule_console},
+    {"board", "uarts", AT(board_uarts), &config_rule_uarts},
     {NULL, NULL, 0, NULL},
 };
 
@@ -172,7 +184,11 @@ static void say_refused(const struct config_rule *rule, const void *field,
 
     quote(written, sizeof(written), value->text);
     rule->show(rule, field, used, sizeof(used));
-    if (value->hint[0] != '\0') {
+    if (rule == &config_rule_password) {
+        config_say(value->source, CONFIG_ERROR, "%s: expected %s; not used", value->label,
+                   rule->expected);
+        explicit_bzero(written, sizeof(written));
+    } else if (value->hint[0] != '\0') {
         config_say(value->source, CONFIG_ERROR, "%s = \"%s\": %s; using %s", value->label, written,
                    value->hint, used);
     } else {
@@ -200,5 +216,32 @@ void config_key_take(const struct config_key *key, struct config *config,
         say_refused(key->rule, field, value);
     } else if (is_classification(key)) {
         config->classification_set = true;
+    }
+}
+
+/* ---- showing a value ---- */
+
+bool config_key_is_secret(const struct config_key *key)
+{
+    return key->rule == &config_rule_password;
+}
+
+void config_key_show(const struct config_key *key, const struct config *config, char *out,
+                     size_t size)
+{
+    const void *field = (const char *)config + key->offset;
+    bool unset;
+
+    if (key->rule->show == config_text_show) {
+        unset = *(const char *)field == '\0';
+    } else if (key->rule->show == config_number_show) {
+        unset = isnan(*(const double *)field);
+    } else {
+        unset = config_key_is_secret(key);
+    }
+    if (unset) {
+        snprintf(out, size, "%s", "");
+    } else {
+        key->rule->show(key->rule, field, out, size);
     }
 }

@@ -15,8 +15,7 @@
 
 /* ---- whole numbers ---- */
 
-/* Digits only: no sign, no blanks, no other base. */
-static bool whole_number(const char *text, unsigned long high, unsigned long *number)
+bool config_whole_number(const char *text, unsigned long high, unsigned long *number)
 {
     size_t length = strspn(text, "0123456789");
 
@@ -32,7 +31,8 @@ static bool take_baud(const struct config_rule *rule, void *field, struct config
     unsigned long number;
 
     (void)rule;
-    if (!whole_number(value->text, 999999999, &number) || !serial_baud_valid((unsigned)number)) {
+    if (!config_whole_number(value->text, 999999999, &number) ||
+        !serial_baud_valid((unsigned)number)) {
         return false;
     }
     *(unsigned *)field = (unsigned)number;
@@ -50,7 +50,7 @@ static bool take_port(const struct config_rule *rule, void *field, struct config
     unsigned long number;
 
     (void)rule;
-    if (!whole_number(value->text, UINT16_MAX, &number) || number == 0) {
+    if (!config_whole_number(value->text, UINT16_MAX, &number) || number == 0) {
         return false;
     }
     *(uint16_t *)field = (uint16_t)number;
@@ -79,7 +79,7 @@ static void set_code(const struct config_rule *rule, void *field, int code)
     }
 }
 
-static bool take_code(const struct config_rule *rule, void *field, struct config_value *value)
+bool config_code_take(const struct config_rule *rule, void *field, struct config_value *value)
 {
     unsigned long number;
 
@@ -89,7 +89,7 @@ static bool take_code(const struct config_rule *rule, void *field, struct config
             return true;
         }
     }
-    if (rule->high < 0 || !whole_number(value->text, (unsigned long)rule->high, &number)) {
+    if (rule->high < 0 || !config_whole_number(value->text, (unsigned long)rule->high, &number)) {
         return false;
     }
     set_code(rule, field, (int)number);
@@ -98,15 +98,15 @@ static bool take_code(const struct config_rule *rule, void *field, struct config
     return true;
 }
 
-static void show_code(const struct config_rule *rule, const void *field, char *out, size_t size)
+void config_code_show(const struct config_rule *rule, const void *field, char *out, size_t size)
 {
     snprintf(out, size, "%s", config_code_name(rule->codes, get_code(rule, field)));
 }
 
 #define CODE_RULE(table, highest, is_wide, text)                                                   \
     {                                                                                              \
-        .take = take_code, .show = show_code, .expected = text, .codes = table, .wide = is_wide,   \
-        .high = highest                                                                            \
+        .take = config_code_take, .show = config_code_show, .expected = text, .codes = table,      \
+        .wide = is_wide, .high = highest                                                           \
     }
 
 const struct config_rule config_rule_id_type =
@@ -202,7 +202,7 @@ static bool take_number(const struct config_rule *rule, void *field, struct conf
     return true;
 }
 
-static void show_number(const struct config_rule *rule, const void *field, char *out, size_t size)
+void config_number_show(const struct config_rule *rule, const void *field, char *out, size_t size)
 {
     double number = *(const double *)field;
 
@@ -215,25 +215,25 @@ static void show_number(const struct config_rule *rule, const void *field, char 
 }
 
 const struct config_rule config_rule_latitude = {.take = take_number,
-                                                 .show = show_number,
+                                                 .show = config_number_show,
                                                  .expected = "degrees from -90 to 90",
                                                  .low = -90,
                                                  .high = 90};
 const struct config_rule config_rule_longitude = {.take = take_number,
-                                                  .show = show_number,
+                                                  .show = config_number_show,
                                                   .expected = "degrees from -180 to 180",
                                                   .low = -180,
                                                   .high = 180};
 /* -1000 m means "unknown" on the air. */
 const struct config_rule config_rule_altitude = {.take = take_number,
-                                                 .show = show_number,
+                                                 .show = config_number_show,
                                                  .expected = "metres from -999 to 31767",
                                                  .low = -999,
                                                  .high = 31767};
 
 /* ---- short texts ---- */
 
-static bool take_text(const struct config_rule *rule, void *field, struct config_value *value)
+bool config_text_take(const struct config_rule *rule, void *field, struct config_value *value)
 {
     size_t length = strlen(value->text);
 
@@ -245,7 +245,7 @@ static bool take_text(const struct config_rule *rule, void *field, struct config
     return true;
 }
 
-static void show_text(const struct config_rule *rule, const void *field, char *out, size_t size)
+void config_text_show(const struct config_rule *rule, const void *field, char *out, size_t size)
 {
     const char *text = field;
 
@@ -296,7 +296,8 @@ static bool is_second_adapter(const char *text)
 
 #define TEXT_RULE(bytes, is_valid, text)                                                           \
     {                                                                                              \
-        .take = take_text, .show = show_text, .expected = text, .size = bytes, .valid = is_valid   \
+        .take = config_text_take, .show = config_text_show, .expected = text, .size = bytes,       \
+        .valid = is_valid                                                                          \
     }
 
 const struct config_rule config_rule_device =

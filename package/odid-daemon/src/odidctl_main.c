@@ -1,190 +1,45 @@
 /*
- * odidctl: asks the daemon how it is, and checks configuration files.
+ * odidctl: asks the daemon how it is, and checks, reads and changes the
+ * configuration. Each command is in a file odidctl_<command>.c.
  */
-#include <errno.h>
 #include <getopt.h>
-#include <json-c/json_object.h>
-#include <json-c/json_tokener.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
-#include <sys/socket.h>
-#include <sys/un.h>
-#include <time.h>
-#include <unistd.h>
 
 #include "config.h"
-#include "odidctl_table.h"
-#include "status.h"
-
-#define DEFAULT_RUN_DIR "/run/odid"
-#define ANSWER_MAX 65536
-#define PATIENCE_S 3
-
-enum exit_code {
-    EXIT_GOOD = 0,
-    EXIT_NOT_GOOD = 1,
-    EXIT_USAGE = 2,
-    EXIT_NO_ANSWER = 3,
-};
+#include "odidctl.h"
+#include "odidctl_flights.h"
 
 static const char usage[] =
-    "odidctl asks the Remote ID daemon how it is, and checks its configuration.\n"
+    "odidctl asks the Remote ID daemon how it is, and looks after its configuration.\n"
     "\n"
-    "  odidctl [-run-dir DIR] status [--json]   everything at one glance; exit 0 only when all\n"
-    "                                           that is required is on the air\n"
-    "  odidctl [-run-dir DIR] watch             the same, again every second\n"
-    "  odidctl check FILE                       what is wrong in a configuration file\n"
+    "  odidctl status [--json]           everything at one glance; exit 0 only when all that is\n"
+    "                                    required is on the air\n"
+    "  odidctl watch                     the same, again every second\n"
+    "  odidctl flights [N] [--json]      was it on the air the whole flight? one line a power-on,\n"
+    "                                    newest first; record N in detail\n"
+    "  odidctl check FILE                what is wrong in a configuration file\n"
+    "  odidctl get SECTION.KEY           the value in force, such as wifi.channel\n"
+    "  odidctl set SECTION.KEY VALUE     changes it, unless it is wrong\n"
+    "  odidctl import DIR                takes over DIR/odid.conf and DIR/authorized_keys\n"
+    "  odidctl maintenance on|off        opens the access point to the technician, or closes it\n"
     "  odidctl --version | --help\n"
     "\n"
-    "See odidctl(1) and odid.conf(5).\n";
+    "Other places than the usual ones: -run-dir DIR, -flights-dir DIR, -config FILE, -data DIR,\n"
+    "-faults DIR, -state DIR, -apply PROGRAM. See odidctl(1) and odid.conf(5).\n";
 
-/* ---- asking the daemon ---- */
+static struct {
+    struct odidctl_places places;
+    const char *flights_dir;
+    bool json;
+} self = {.places = {.run_dir = "/run/odid",
+                     .data = "/data",
+                     .faults = "/run/faults",
+                     .state = "/run/odid-appliance",
+                     .apply = "/lib/odid/apply-configuration"},
+          .flights_dir = ODIDCTL_FLIGHTS_DIRECTORY};
 
-static int say_no_answer(const char *path, int error)
-{
-    switch (error) {
-    case ENOENT:
-    case ECONNREFUSED:
-        fprintf(stderr,
-                "odidctl: the daemon is not running (%s: %s).\n"
-                "Start it, and read its log if it ends again. If it was started with another\n"
-                "[daemon] run_dir, name that: odidctl -run-dir DIR ...\n",
-                path, strerror(error));
-        break;
-    case EAGAIN:
-        fprintf(stderr,
-                "odidctl: the daemon does not answer (%s).\n"
-                "It hangs; its supervisor restarts it within seconds. If not, restart it.\n",
-                path);
-        break;
-    case EBADMSG:
-        fprintf(stderr,
-                "odidctl: the daemon's answer can't be understood (%s).\n"
-                "Are odidctl and odid-daemon of the same version?\n",
-                path);
-        break;
-    default:
-        fprintf(stderr, "odidctl: can't ask the daemon (%s: %s).\n", path, strerror(error));
-        break;
-    }
-    return EXIT_NO_ANSWER;
-}
-
-/* Returns a connected socket, or -errno. */
-static int connect_to(const char *path)
-{
-    struct sockaddr_un address = {.sun_family = AF_UNIX};
-    struct timeval patience = {.tv_sec = PATIENCE_S};
-    int fd, error;
-
-    if (strlen(path) >= sizeof(address.sun_path)) {
-        return -ENAMETOOLONG;
-    }
-    memcpy(address.sun_path, path, strlen(path));
-    fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    if (fd < 0) {
-        return -errno;
-    }
-    setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof(patience));
-    setsockopt(fd, SOL_SOCKET, SO_SNDTIMEO, &patience, sizeof(patience)); /* connect's, too */
-    if (connect(fd, (struct sockaddr *)&address, sizeof(address)) < 0) {
-        error = errno;
-        close(fd);
-        return -error;
-    }
-    return fd;
-}
-
-/* Reads the whole answer. Returns its length, or -errno. */
-static ssize_t ask(const char *path, char answer[ANSWER_MAX])
-{
-    int fd = connect_to(path), error = 0;
-    size_t filled = 0;
-    ssize_t got = fd < 0 ? fd : 1;
-
-    while (fd >= 0 && got > 0 && filled < ANSWER_MAX) {
-        got = recv(fd, answer + filled, ANSWER_MAX - filled, 0);
-        if (got < 0) {
-            error = errno;
-        } else {
-            filled += (size_t)got;
-        }
-    }
-    if (fd < 0) {
-        return got;
-    }
-    close(fd);
-    return error != 0 ? -error : (ssize_t)filled;
-}
-
-/* Returns the status, or NULL with *error set. The caller puts it back. */
-static struct json_object *fetch(const char *path, int *error)
-{
-    static char answer[ANSWER_MAX];
-    ssize_t length = ask(path, answer);
-    struct json_tokener *tokener;
-    struct json_object *status = NULL;
-
-    if (length < 0) {
-        *error = (int)-length;
-        return NULL;
-    }
-    tokener = json_tokener_new();
-    if (tokener != NULL) {
-        status = json_tokener_parse_ex(tokener, answer, (int)length);
-        json_tokener_free(tokener);
-    }
-    if (!json_object_is_type(status, json_type_object)) {
-        json_object_put(status);
-        *error = EBADMSG;
-        return NULL;
-    }
-    return status;
-}
-
-/* ---- commands ---- */
-
-static int show_status(const char *path, bool json)
-{
-    int error = 0;
-    struct json_object *status = fetch(path, &error);
-    bool on_air;
-
-    if (status == NULL) {
-        return say_no_answer(path, error);
-    }
-    if (json) {
-        puts(json_object_to_json_string_ext(status,
-                                            JSON_C_TO_STRING_PRETTY | JSON_C_TO_STRING_SPACED));
-    } else {
-        odidctl_table(stdout, status, isatty(STDOUT_FILENO));
-    }
-    on_air = json_object_get_boolean(json_object_object_get(status, "on_air"));
-    json_object_put(status);
-    return on_air ? EXIT_GOOD : EXIT_NOT_GOOD;
-}
-
-/* Ends by Ctrl-C, or when nobody reads any more. */
-static int watch(const char *path)
-{
-    const struct timespec second = {.tv_sec = 1};
-    bool terminal = isatty(STDOUT_FILENO);
-    static char page[16384];
-
-    setvbuf(stdout, page, _IOFBF, sizeof(page)); /* a page appears at once, without flicker */
-    while (!ferror(stdout)) {
-        if (terminal) {
-            fputs("\033[H\033[2J", stdout);
-            fflush(stdout);
-        }
-        show_status(path, false);
-        fputs(terminal ? "\nCtrl-C ends this.\n" : "\n", stdout);
-        fflush(stdout);
-        nanosleep(&second, NULL);
-    }
-    return EXIT_NOT_GOOD;
-}
+/* ---- check ---- */
 
 static void print_sentence(void *context, enum config_severity severity, const char *sentence)
 {
@@ -204,71 +59,185 @@ static int check(const char *file)
     config_defaults(&config);
     config_read_file(&config, file, print_sentence, &wrong);
     config_judge(&config, print_sentence, &wrong);
+    explicit_bzero(&config, sizeof(config));
     printf("%s: %s\n", file, wrong == 0 ? "nothing is wrong" : "see above");
-    return wrong == 0 ? EXIT_GOOD : EXIT_NOT_GOOD;
+    return wrong == 0 ? ODIDCTL_GOOD : ODIDCTL_NOT_GOOD;
 }
+
+/* ---- the commands ---- */
+
+static int run_status(char *const words[])
+{
+    (void)words;
+    return odidctl_status(&self.places, self.json);
+}
+
+static int run_watch(char *const words[])
+{
+    (void)words;
+    return odidctl_watch(&self.places);
+}
+
+static int run_flights(char *const words[])
+{
+    return odidctl_flights(stdout, self.flights_dir, words[1], odidctl_flights_boot(), self.json);
+}
+
+static int run_check(char *const words[])
+{
+    return check(words[1]);
+}
+
+static int run_get(char *const words[])
+{
+    return odidctl_get(&self.places, words[1]);
+}
+
+static int run_set(char *const words[])
+{
+    return odidctl_set(&self.places, words[1], words[2]);
+}
+
+static int run_import(char *const words[])
+{
+    return odidctl_import(&self.places, words[1]);
+}
+
+static int run_maintenance(char *const words[])
+{
+    if (strcmp(words[1], "on") != 0 && strcmp(words[1], "off") != 0) {
+        fputs("odidctl: maintenance needs \"on\" or \"off\"\n", stderr);
+        return ODIDCTL_USAGE;
+    }
+    return odidctl_maintenance(&self.places, words[1]);
+}
+
+#define WORDS_MAX 3
+
+static const struct command {
+    const char *name;
+    int least, most; /* words, with its own */
+    const char *needs;
+    int (*run)(char *const words[]);
+} commands[] = {
+    {"status", 1, 1, "status takes no words", run_status},
+    {"watch", 1, 1, "watch takes no words", run_watch},
+    {"flights", 1, 2, "flights takes at most one number", run_flights},
+    {"check", 2, 2, "check needs one FILE", run_check},
+    {"get", 2, 2, "get needs one SECTION.KEY", run_get},
+    {"set", 3, 3, "set needs SECTION.KEY and VALUE; quote a value with blanks", run_set},
+    {"import", 2, 2, "import needs one DIR", run_import},
+    {"maintenance", 2, 2, "maintenance needs \"on\" or \"off\"", run_maintenance},
+};
 
 /* ---- command line ---- */
 
 static int wrong_usage(const char *what)
 {
     fprintf(stderr, "odidctl: %s\n\n%s", what, usage);
-    return EXIT_USAGE;
+    return ODIDCTL_USAGE;
 }
 
-static int run(const char *path, bool json, int count, char *const words[])
+static int run(int count, char *const words[])
 {
     if (count == 0) {
         return wrong_usage("say what to do");
     }
-    if (strcmp(words[0], "check") == 0) {
-        return count == 2 ? check(words[1]) : wrong_usage("check needs one FILE");
-    }
-    if (count > 1) {
-        return wrong_usage("too many words");
-    }
-    if (strcmp(words[0], "status") == 0) {
-        return show_status(path, json);
-    }
-    if (strcmp(words[0], "watch") == 0) {
-        return watch(path);
+    for (size_t i = 0; i < sizeof(commands) / sizeof(commands[0]); i++) {
+        const struct command *command = &commands[i];
+
+        if (strcmp(words[0], command->name) == 0) {
+            return count >= command->least && count <= command->most ? command->run(words)
+                                                                     : wrong_usage(command->needs);
+        }
     }
     return wrong_usage("no such command");
 }
 
+enum flag {
+    FLAG_RUN_DIR = 1,
+    FLAG_FLIGHTS_DIR,
+    FLAG_CONFIG,
+    FLAG_DATA,
+    FLAG_FAULTS,
+    FLAG_STATE,
+    FLAG_APPLY,
+    FLAG_JSON,
+    FLAG_HELP,
+    FLAG_VERSION
+};
+
+/* Returns -1 to go on, or the exit code. */
+static int take_flag(int flag)
+{
+    switch (flag) {
+    case FLAG_RUN_DIR:
+        self.places.run_dir = optarg;
+        return -1;
+    case FLAG_FLIGHTS_DIR:
+        self.flights_dir = optarg;
+        return -1;
+    case FLAG_CONFIG:
+        self.places.config = optarg;
+        return -1;
+    case FLAG_DATA:
+        self.places.data = optarg;
+        return -1;
+    case FLAG_FAULTS:
+        self.places.faults = optarg;
+        return -1;
+    case FLAG_STATE:
+        self.places.state = optarg;
+        return -1;
+    case FLAG_APPLY:
+        self.places.apply = optarg;
+        return -1;
+    case FLAG_JSON:
+        self.json = true;
+        return -1;
+    case FLAG_HELP:
+        fputs(usage, stdout);
+        return ODIDCTL_GOOD;
+    case FLAG_VERSION:
+        puts("odidctl " ODID_VERSION);
+        return ODIDCTL_GOOD;
+    default:
+        return ODIDCTL_USAGE; /* getopt said what is wrong */
+    }
+}
+
 int main(int argc, char *argv[])
 {
-    enum { FLAG_RUN_DIR = 1, FLAG_JSON, FLAG_HELP, FLAG_VERSION };
     static const struct option flags[] = {
         {"run-dir", required_argument, NULL, FLAG_RUN_DIR},
+        {"flights-dir", required_argument, NULL, FLAG_FLIGHTS_DIR},
+        {"config", required_argument, NULL, FLAG_CONFIG},
+        {"data", required_argument, NULL, FLAG_DATA},
+        {"faults", required_argument, NULL, FLAG_FAULTS},
+        {"state", required_argument, NULL, FLAG_STATE},
+        {"apply", required_argument, NULL, FLAG_APPLY},
         {"json", no_argument, NULL, FLAG_JSON},
         {"help", no_argument, NULL, FLAG_HELP},
         {"version", no_argument, NULL, FLAG_VERSION},
         {NULL, 0, NULL, 0},
     };
-    const char *run_dir = DEFAULT_RUN_DIR;
-    char path[256];
-    bool json = false;
-    int flag;
+    char *words[WORDS_MAX + 2] = {NULL};
+    int count = 0;
 
-    while ((flag = getopt_long_only(argc, argv, "", flags, NULL)) != -1) {
-        switch (flag) {
-        case FLAG_RUN_DIR:
-            run_dir = optarg;
-            break;
-        case FLAG_JSON:
-            json = true;
-            break;
-        case FLAG_HELP:
-            fputs(usage, stdout);
-            return EXIT_GOOD;
-        case FLAG_VERSION:
-            puts("odidctl " ODID_VERSION);
-            return EXIT_GOOD;
-        default:
-            return EXIT_USAGE; /* getopt said what is wrong */
+    /* Flags may stand between the words; but a value to be set is no flag, "-12.5" neither. */
+    while (optind < argc) {
+        bool value = count == 2 && strcmp(words[0], "set") == 0;
+        int flag = value ? -1 : getopt_long_only(argc, argv, "+", flags, NULL), result;
+
+        if (flag != -1) {
+            result = take_flag(flag);
+            if (result != -1) {
+                return result;
+            }
+        } else if (optind < argc) {
+            words[count] = argv[optind++];
+            count += count <= WORDS_MAX;
         }
     }
-    snprintf(path, sizeof(path), "%s/%s", run_dir, STATUS_SOCKET);
-    return run(path, json, argc - optind, argv + optind);
+    return run(count, words);
 }

@@ -299,6 +299,19 @@ static void print_problems(FILE *out, struct json_object *status, bool colour)
     }
 }
 
+void odidctl_table_faults(FILE *out, struct json_object *faults, bool colour)
+{
+    if (elements(faults) > 0) {
+        fprintf(out, "\n%sThe appliance%s\n", paint(colour, BOLD), paint(colour, PLAIN));
+    }
+    for (size_t i = 0; i < elements(faults); i++) {
+        struct json_object *fault = json_object_array_get_idx(faults, i);
+
+        fprintf(out, "  %s" LABEL "%s%s\n", paint(colour, YELLOW), text_or(fault, "name", UNKNOWN),
+                paint(colour, PLAIN), text_or(fault, "sentence", UNKNOWN));
+    }
+}
+
 void odidctl_table(FILE *out, struct json_object *status, bool colour)
 {
     print_verdict(out, status, colour);
@@ -307,4 +320,5 @@ void odidctl_table(FILE *out, struct json_object *status, bool colour)
     print_location(out, status, colour);
     print_identity(out, status, colour);
     print_problems(out, status, colour);
+    odidctl_table_faults(out, find(status, "appliance_faults"), colour);
 }

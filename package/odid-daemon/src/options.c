@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "log.h"
 
@@ -34,6 +35,25 @@ static void report(void *context, enum config_severity severity, const char *sen
 static const char *environment(const char *name)
 {
     return getenv(name);
+}
+
+/*
+ * The environment that we were started with lies open in /proc/PID/environ for
+ * as long as we run: what is secret in it is overwritten where it stands.
+ */
+static void forget_secrets(void)
+{
+    static const char number[] = "ODID_OPERATOR_ID=";
+
+    for (char **entry = environ; entry != NULL && *entry != NULL; entry++) {
+        if (strncmp(*entry, number, strlen(number)) == 0) {
+            char *value = *entry + strlen(number);
+
+            explicit_bzero(value, strlen(value)); /* whatever form it has */
+        } else if (strncmp(*entry, "ODID_", 5) == 0) {
+            identifiers_remove_secrets(*entry);
+        }
+    }
 }
 
 bool options_read(struct options *options, int argc, char *const argv[])
@@ -96,6 +116,10 @@ bool options_read(struct options *options, int argc, char *const argv[])
     config_defaults(&options->config);
     config_read_file(&options->config, file, report, options);
     config_read_environment(&options->config, environment, report, options);
+    forget_secrets();
+    /* odidctl's concern, and not to be found here. */
+    explicit_bzero(options->config.maintenance_password,
+                   sizeof(options->config.maintenance_password));
     options->config.wifi_beacon_enabled = options->config.wifi_beacon_enabled && !no_wifi;
     options->config.bt4_enabled = options->config.bt4_enabled && !no_bt;
     options->config.bt5_enabled = options->config.bt5_enabled && !no_bt;

@@ -52,7 +52,8 @@ static void judgements(void **state)
         {GOOD "[basic_id_2]\nuas_id = SE-ABC\nid_type = registration\n", ""},
         {GOOD "[system]\noperator_location_type = fixed\n",
          "warning: [system] operator_location_type = fixed needs operator_latitude and "
-         "operator_longitude; the take-off point is used\n"},
+         "operator_longitude; the ground station's place or the take-off point is sent, and until "
+         "one is known none\n"},
         {GOOD "[system]\noperator_location_type = fixed\noperator_latitude = 0\n"
               "operator_longitude = 0\n",
          "warning: [system] operator_latitude, operator_longitude: 0, 0 means unknown on the "
@@ -84,6 +85,12 @@ static void judgements(void **state)
          "warning: [bench] a test position is on: an invented place is broadcast whenever the "
          "autopilot gives none; never fly with it\n"
          "warning: [bench] latitude, longitude: 0, 0 means unknown on the air\n"},
+        {GOOD "[autopilot]\ndevice = /dev/ttyACM1\n[broadcast]\nbt_adapter = h4:/dev/ttyACM1\n",
+         "warning: [autopilot] device and a Bluetooth adapter are both /dev/ttyACM1\n"},
+        {GOOD "[autopilot]\ndevice = /dev/ttyAMA3\n[board]\nconsole = uart3\n",
+         "warning: [board] console = uart3 is the autopilot's port, [autopilot] device = "
+         "/dev/ttyAMA3: no telemetry comes through\n"},
+        {GOOD "[autopilot]\ndevice = /dev/ttyAMA3\n[board]\nconsole = uart2\n", ""},
     };
 
     (void)state;

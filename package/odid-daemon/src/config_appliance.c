@@ -1,0 +1,243 @@
+/* How the values of the appliance's own sections are checked, [autopilot] to [board]. */
+#include <arpa/inet.h>
+#include <ctype.h>
+#include <stdio.h>
+#include <string.h>
+#include <strings.h>
+
+#include "config_keys.h"
+
+/* ---- [autopilot] device ---- */
+
+/* What udev puts in a name, and nothing that means something to the shell or to sed. */
+static bool is_device_path(const char *text)
+{
+    return strncmp(text, "/dev/", 5) == 0 && text[5] != '\0' && strstr(text, "..") == NULL &&
+           text[strspn(text, "/ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789#+.:="
+                             "@_-")] == '\0';
+}
+
+/* usb:VVVV:PPPP, as lsusb shows it. */
+static bool is_usb_id(const char *text)
+{
+    static const char pattern[] = "usb:xxxx:xxxx";
+    size_t i = 0;
+
+    while (i < sizeof(pattern) &&
+           (i < 4 || pattern[i] != 'x' ? tolower((unsigned char)text[i]) == pattern[i]
+                                       : isxdigit((unsigned char)text[i]))) {
+        i++;
+    }
+    return i == sizeof(pattern);
+}
+
+static bool is_autopilot(const char *text)
+{
+    return strcasecmp(text, "auto") == 0 || is_usb_id(text) || is_device_path(text);
+}
+
+static void make_small(char *text)
+{
+    for (; *text != '\0'; text++) {
+        *text = (char)tolower((unsigned char)*text);
+    }
+}
+
+static bool take_autopilot(const struct config_rule *rule, void *field, struct config_value *value)
+{
+    if (!config_text_take(rule, field, value)) {
+        return false;
+    }
+    if (value->text[0] != '/') {
+        make_small(field); /* names are the same in upper and lower case; scripts compare */
+    }
+    return true;
+}
+
+const struct config_rule config_rule_autopilot = {
+    .take = take_autopilot,
+    .show = config_text_show,
+    .expected = "auto, a path such as /dev/serial/by-id/NAME, or usb:VVVV:PPPP",
+    .size = CONFIG_PATH_SIZE,
+    .valid = is_autopilot};
+
+/* ---- [ground_station] address ---- */
+
+static bool is_ground_station(const char *text)
+{
+    char host[16];
+    size_t length = strcspn(text, ":");
+    unsigned long port = 1;
+    struct in_addr address;
+
+    if (text[0] == '\0') {
+        return true;
+    }
+    if (length >= sizeof(host)) {
+        return false;
+    }
+    memcpy(host, text, length);
+    host[length] = '\0';
+    if (text[length] == ':' && !config_whole_number(text + length + 1, UINT16_MAX, &port)) {
+        return false;
+    }
+    return port > 0 && inet_pton(AF_INET, host, &address) == 1 && address.s_addr != INADDR_ANY;
+}
+
+/* Numbers only: mavlink-router, which sends there, looks up no names. */
+const struct config_rule config_rule_ground_station = {
+    .take = config_text_take,
+    .show = config_text_show,
+    .expected = "an IPv4 address such as 192.168.1.20 or 192.168.1.20:14550, or \"\"",
+    .size = sizeof(((struct config *)0)->ground_station),
+    .valid = is_ground_station};
+
+/* ---- [wifi] ---- */
+
+static bool is_country(const char *text)
+{
+    return strlen(text) == 2 && isalpha((unsigned char)text[0]) && isalpha((unsigned char)text[1]);
+}
+
+static bool take_country(const struct config_rule *rule, void *field, struct config_value *value)
+{
+    char *country = field;
+
+    if (!config_text_take(rule, field, value)) {
+        return false;
+    }
+    country[0] = (char)toupper((unsigned char)country[0]);
+    country[1] = (char)toupper((unsigned char)country[1]);
+    return true;
+}
+
+const struct config_rule config_rule_country = {.take = take_country,
+                                                .show = config_text_show,
+                                                .expected = "a country's two letters, such as SE",
+                                                .size = 3,
+                                                .valid = is_country};
+
+#define CHANNEL_MAX 11 /* 12 and 13 are not heard everywhere */
+
+static bool take_channel(const struct config_rule *rule, void *field, struct config_value *value)
+{
+    unsigned long number;
+
+    (void)rule;
+    if (!config_whole_number(value->text, CHANNEL_MAX, &number) || number == 0) {
+        return false;
+    }
+    *(uint8_t *)field = (uint8_t)number;
+    return true;
+}
+
+static void show_channel(const struct config_rule *rule, const void *field, char *out, size_t size)
+{
+    (void)rule;
+    snprintf(out, size, "%u", *(const uint8_t *)field);
+}
+
+const struct config_rule config_rule_channel = {
+    .take = take_channel, .show = show_channel, .expected = "1-11"};
+
+/* ---- [maintenance] ---- */
+
+/* WPA2's passphrase: printable ASCII. Empty, as after it was taken over, is none. */
+static bool is_password(const char *text)
+{
+    size_t length = strlen(text);
+
+    for (size_t i = 0; i < length; i++) {
+        if (text[i] < ' ' || text[i] > '~') {
+            return false;
+        }
+    }
+    return length == 0 || (length >= CONFIG_PASSWORD_MIN && length <= CONFIG_PASSWORD_MAX);
+}
+
+static void show_password(const struct config_rule *rule, const void *field, char *out, size_t size)
+{
+    (void)rule;
+    snprintf(out, size, "%s", *(const char *)field == '\0' ? "none" : "a password");
+}
+
+const struct config_rule config_rule_password = {
+    .take = config_text_take,
+    .show = show_password,
+    .expected = "8-63 ASCII characters",
+    .size = sizeof(((struct config *)0)->maintenance_password),
+    .valid = is_password};
+
+static bool take_yes_no(const struct config_rule *rule, void *field, struct config_value *value)
+{
+    (void)rule;
+    return config_boolean(value->text, field);
+}
+
+static void show_yes_no(const struct config_rule *rule, const void *field, char *out, size_t size)
+{
+    (void)rule;
+    snprintf(out, size, "%s", *(const bool *)field ? "yes" : "no");
+}
+
+const struct config_rule config_rule_yes_no = {
+    .take = take_yes_no, .show = show_yes_no, .expected = "yes or no"};
+
+/* ---- [board] ---- */
+
+#define NAME_RULE(table, text)                                                                     \
+    {                                                                                              \
+        .take = config_code_take, .show = config_code_show, .expected = text, .codes = table,      \
+        .high = -1                                                                                 \
+    }
+
+const struct config_rule config_rule_antenna = NAME_RULE(config_antennas, "internal or external");
+const struct config_rule config_rule_usb = NAME_RULE(config_usb_roles, "host or gadget");
+const struct config_rule config_rule_console =
+    NAME_RULE(config_consoles, "off, usb or uart0 to uart5");
+
+#define UARTS 6
+
+/* The numbers named in a list such as "uart2, uart3", a bit each; -1: something else stands there.
+ */
+static int uart_bits(const char *text)
+{
+    static const char between[] = ", \t";
+    int bits = 0;
+
+    for (text += strspn(text, between); *text != '\0'; text += strspn(text, between)) {
+        if (strncasecmp(text, "uart", 4) != 0 || text[4] < '0' || text[4] >= '0' + UARTS ||
+            (text[5] != '\0' && strchr(between, text[5]) == NULL)) {
+            return -1;
+        }
+        bits |= 1 << (text[4] - '0');
+        text += 5;
+    }
+    return bits;
+}
+
+/* Kept in one form, in order and once each, whatever was written. */
+static bool take_uarts(const struct config_rule *rule, void *field, struct config_value *value)
+{
+    int bits = uart_bits(value->text);
+    char *out = field;
+    size_t filled = 0;
+
+    if (bits < 0) {
+        return false;
+    }
+    memset(out, 0, rule->size);
+    for (int i = 0; i < UARTS; i++) {
+        if ((bits & 1 << i) != 0) {
+            filled += (size_t)snprintf(out + filled, rule->size - filled, "%suart%d",
+                                       filled == 0 ? "" : " ", i);
+        }
+    }
+    return true;
+}
+
+const struct config_rule config_rule_uarts = {
+    .take = take_uarts,
+    .show = config_text_show,
+    .expected = "a list of uart0 to uart5, such as uart3 uart5, or \"\"",
+    .size = sizeof(((struct config *)0)->board_uarts)};

@@ -1,0 +1,77 @@
+/* odidctl's commands, a file each, and what they share. */
+#ifndef ODID_ODIDCTL_H
+#define ODID_ODIDCTL_H
+
+#include <json-c/json_object.h>
+#include <stdbool.h>
+#include <stddef.h>
+
+enum odidctl_exit {
+    ODIDCTL_GOOD = 0,
+    ODIDCTL_NOT_GOOD = 1,
+    ODIDCTL_USAGE = 2,
+    ODIDCTL_NO_ANSWER = 3,
+    ODIDCTL_HALF_DONE = 4, /* it counts, but something about it could not be done; said */
+};
+
+#define ODIDCTL_PATH_SIZE 300
+
+/* Where everything is; other places are for tests. */
+struct odidctl_places {
+    const char *run_dir; /* the daemon's status socket: /run/odid */
+    const char *data;    /* what outlasts power-off: /data */
+    const char *faults;  /* a file for each fault of the appliance: /run/faults */
+    const char *state;   /* the appliance's state: /run/odid-appliance */
+    const char *apply;   /* makes a changed configuration count: /lib/odid/apply-configuration */
+    const char *config;  /* the configuration file; NULL: data's */
+};
+
+/* data's odid/odid.conf, or the file that was named. */
+void odidctl_config_path(const struct odidctl_places *places, char path[ODIDCTL_PATH_SIZE]);
+
+/* ---- status, watch ---- */
+
+int odidctl_status(const struct odidctl_places *places, bool json);
+int odidctl_watch(const struct odidctl_places *places);
+
+/* The daemon's status, or NULL with *error set. The caller puts it back. */
+struct json_object *odidctl_fetch(const char *run_dir, int *error);
+
+/*
+ * By the status; while that doesn't know, by what the appliance keeps: an
+ * autopilot that was lost after arming counts as armed.
+ */
+bool odidctl_armed(const struct odidctl_places *places);
+
+/* ---- faults of the appliance ---- */
+
+/* Array of {"name", "sentence"}, by name. */
+struct json_object *odidctl_faults(const char *directory);
+
+/* Makes the fault's file, or removes it when sentence is NULL. What fails is logged. */
+void odidctl_set_fault(const char *directory, const char *name, const char *sentence);
+
+/* ---- get, set ---- */
+
+int odidctl_get(const struct odidctl_places *places, const char *name);
+
+/* value is cleared once it was read: it lies open in the process list. */
+int odidctl_set(const struct odidctl_places *places, const char *name, char *value);
+
+/* ---- maintenance ---- */
+
+int odidctl_maintenance(const struct odidctl_places *places, const char *word);
+
+/*
+ * Makes the access point's key of the password and keeps it; empty: removes
+ * it. Returns 0, -ENOSYS (see maintenance_key) or another -errno.
+ */
+int odidctl_keep_password(const char *data, const char *password);
+
+bool odidctl_password_known(const char *data);
+
+/* ---- import ---- */
+
+int odidctl_import(const struct odidctl_places *places, const char *directory);
+
+#endif

@@ -1,0 +1,580 @@
+/*
+ * odidctl import: takes over what a technician put on the volume CONFIG, from
+ * any computer, and explains in odid-report.txt beside it what came of it. A
+ * file that is wrong is refused as a whole: what was in force stays.
+ */
+#include <dirent.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <inttypes.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "authorized_keys.h"
+#include "config_edit.h"
+#include "config_ini.h"
+#include "log.h"
+#include "odidctl.h"
+#include "odidctl_report.h"
+#include "utf8.h"
+#include "whole_file.h"
+
+#define FILE_MAX 65536
+#define REPORT_NAME "odid-report.txt"
+#define NAME_SIZE 256
+
+struct import {
+    const struct odidctl_places *places;
+    const char *directory;
+    struct odidctl_report *report;
+    const char *name; /* of the file that is being read */
+    bool refused;     /* something was not taken over */
+    bool unwritten;   /* the volume did not take what was to be written to it */
+    char fault[512];  /* the first of what went wrong */
+};
+
+/* ---- what is on the volume ---- */
+
+struct volume {
+    char conf[NAME_SIZE], conf_txt[NAME_SIZE]; /* Windows hides endings, and adds its own */
+    char keys[NAME_SIZE], keys_txt[NAME_SIZE];
+    char apple[NAME_SIZE];   /* what macOS puts beside a file */
+    char similar[NAME_SIZE]; /* what may have been meant */
+};
+
+/* The exact name wins over one in other letters, where a file system has both. */
+static void note_name(char out[NAME_SIZE], const char *name, const char *exact)
+{
+    if (out[0] == '\0' || strcmp(name, exact) == 0) {
+        snprintf(out, NAME_SIZE, "%s", name);
+    }
+}
+
+static bool is_similar(const char *name)
+{
+    size_t length = strlen(name);
+
+    return name[0] != '.' && strcasestr(name, "odid") != NULL &&
+           strcasecmp(name, REPORT_NAME) != 0 &&
+           (length < 8 || strcasecmp(name + length - 8, ".example") != 0);
+}
+
+static void note_entry(struct volume *volume, const char *name)
+{
+    const struct {
+        const char *name;
+        char *out;
+    } wanted[] = {
+        {"odid.conf", volume->conf},       {"odid.conf.txt", volume->conf_txt},
+        {"authorized_keys", volume->keys}, {"authorized_keys.txt", volume->keys_txt},
+        {"._odid.conf", volume->apple},    {"._odid.conf.txt", volume->apple},
+    };
+
+    for (size_t i = 0; i < sizeof(wanted) / sizeof(wanted[0]); i++) {
+        if (strcasecmp(name, wanted[i].name) == 0) {
+            note_name(wanted[i].out, name, wanted[i].name);
+            return;
+        }
+    }
+    if (is_similar(name)) {
+        note_name(volume->similar, name, name);
+    }
+}
+
+/* Returns 0, or -errno. */
+static int look_through(const char *directory, struct volume *volume)
+{
+    DIR *folder = opendir(directory);
+    const struct dirent *entry;
+    int result;
+
+    if (folder == NULL) {
+        return -errno;
+    }
+    errno = 0;
+    while ((entry = readdir(folder)) != NULL) {
+        note_entry(volume, entry->d_name);
+        errno = 0;
+    }
+    result = -errno;
+    closedir(folder);
+    return result;
+}
+
+/* ---- saying ---- */
+
+static void remember_fault(struct import *self, const char *sentence)
+{
+    if (self->fault[0] == '\0') {
+        size_t cut = utf8_cut(sentence, sizeof(self->fault) - 1);
+
+        memcpy(self->fault, sentence, cut);
+        self->fault[cut] = '\0';
+    }
+}
+
+__attribute__((format(printf, 2, 3))) static void refuse(struct import *self, const char *format,
+                                                         ...)
+{
+    char text[600], sentence[600];
+    va_list arguments;
+
+    va_start(arguments, format);
+    vsnprintf(text, sizeof(text), format, arguments);
+    va_end(arguments);
+    utf8_clean(sentence, sizeof(sentence), text);
+    log_error("%s", sentence);
+    odidctl_report_line(self->report, "  error: %s", sentence);
+    remember_fault(self, sentence);
+    self->refused = true;
+}
+
+static void on_sentence(void *context, enum config_severity severity, const char *sentence)
+{
+    struct import *self = context;
+
+    switch (severity) {
+    case CONFIG_ERROR:
+        refuse(self, "%s", sentence);
+        return;
+    case CONFIG_WARNING:
+        log_warning("%s", sentence);
+        odidctl_report_line(self->report, "  warning: %s", sentence);
+        return;
+    case CONFIG_NOTE:
+        odidctl_report_line(self->report, "  note: %s", sentence);
+        return;
+    }
+}
+
+static void on_key_problem(void *context, unsigned line, const char *sentence)
+{
+    struct import *self = context;
+
+    refuse(self, "%s line %u: %s", self->name, line, sentence);
+}
+
+/* The volume is the technician's: what can't be written there is no reason to refuse anything. */
+static void say_unwritten(struct import *self, const char *name, int error)
+{
+    char sentence[400];
+
+    snprintf(sentence, sizeof(sentence), "%.260s can't be written on the volume CONFIG: %s", name,
+             strerror(error));
+    log_error("%s", sentence);
+    remember_fault(self, sentence);
+    self->unwritten = true;
+}
+
+/* ---- whether it was taken over before ---- */
+
+/* FNV-1a: tells a changed file from the one before; nobody has to be kept from forging it. */
+static uint64_t fingerprint(const char *text, size_t length)
+{
+    uint64_t hash = UINT64_C(0xcbf29ce484222325);
+
+    for (size_t i = 0; i < length; i++) {
+        hash = (hash ^ (unsigned char)text[i]) * UINT64_C(0x100000001b3);
+    }
+    return hash;
+}
+
+/* PATH.imported beside what was imported, which must be there still. */
+static bool was_imported(const char *path, uint64_t hash)
+{
+    char beside[ODIDCTL_PATH_SIZE + 16], now[20];
+    char *before;
+    size_t length;
+    bool same;
+
+    snprintf(beside, sizeof(beside), "%s.imported", path);
+    snprintf(now, sizeof(now), "%016" PRIx64 "\n", hash);
+    before = access(path, R_OK) < 0 ? NULL : whole_file_read(beside, 64, &length);
+    same = before != NULL && strcmp(before, now) == 0;
+    free(before);
+    return same;
+}
+
+/* The fingerprint last: without it the same is imported once more, which is harmless. */
+static int keep(const char *path, const char *text, size_t length, mode_t mode, uint64_t hash)
+{
+    char beside[ODIDCTL_PATH_SIZE + 16], line[20];
+    int result = whole_file_replace(path, text, length, mode);
+
+    if (result == 0) {
+        snprintf(beside, sizeof(beside), "%s.imported", path);
+        snprintf(line, sizeof(line), "%016" PRIx64 "\n", hash);
+        result = whole_file_replace(beside, line, strlen(line), 0644);
+    }
+    return result;
+}
+
+/* ---- the password on the volume ---- */
+
+/* Writes [from, to) of each line that differs, counted from where its text begins; and waits until
+ * it is on the disk. */
+static int write_lines(int fd, const char *old, const char *blanked, size_t length, size_t from,
+                       size_t to)
+{
+    for (size_t at = 0, ending, line; at < length; at += line + ending) {
+        size_t first = at + strspn(blanked + at, " \t"), end;
+
+        line = config_ini_line(old + at, length - at, &ending);
+        end = first + to < at + line ? first + to : at + line;
+        if (memcmp(old + at, blanked + at, line) != 0 && first + from < end &&
+            pwrite(fd, blanked + first + from, end - first - from, (off_t)(first + from)) !=
+                (ssize_t)(end - first - from)) {
+            return errno != 0 ? -errno : -EIO;
+        }
+    }
+    return fsync(fd) < 0 ? -errno : 0;
+}
+
+/*
+ * In place, not by a new file: the sectors that hold the password are the ones
+ * to be overwritten, and neither FAT nor folder change. "password = x" becomes
+ * ";assword = x", then ";assword", then the note: wherever power fails, no half
+ * password is left that would be taken for one, and the next import goes on.
+ */
+static void blank_on_volume(struct import *self, const char *path, const char *old,
+                            const char *blanked, size_t length)
+{
+    int fd = open(path, O_WRONLY | O_CLOEXEC), result = fd < 0 ? -errno : 0;
+
+    if (result == 0) {
+        result = write_lines(fd, old, blanked, length, 0, 1);
+    }
+    if (result == 0) {
+        result = write_lines(fd, old, blanked, length, strlen("password"), SIZE_MAX / 2);
+    }
+    if (result == 0) {
+        result = write_lines(fd, old, blanked, length, 1, strlen("password"));
+    }
+    if (fd >= 0) {
+        close(fd);
+    }
+    if (result < 0) {
+        say_unwritten(self, self->name, -result);
+        odidctl_report_line(self->report,
+                            "  warning: the password could not be blanked in this file: delete it");
+    }
+}
+
+/* ---- odid.conf ---- */
+
+static void say_nothing(void *context, enum config_severity severity, const char *sentence)
+{
+    (void)context;
+    (void)severity;
+    (void)sentence;
+}
+
+/* What is in force now: the defaults when there is nothing that can be read. */
+static void read_in_force(const struct odidctl_places *places, struct config *config)
+{
+    char path[ODIDCTL_PATH_SIZE];
+
+    config_defaults(config);
+    odidctl_config_path(places, path);
+    config_read_file(config, path, say_nothing, NULL);
+}
+
+/* What other computers do to a text and is no fault; said so that nobody goes looking for one. */
+static void note_oddities(struct import *self, const char *text, size_t length)
+{
+    if (length >= 3 && memcmp(text, "\xEF\xBB\xBF", 3) == 0) {
+        odidctl_report_line(
+            self->report, "  note: begins with a byte-order mark, as Windows writes it: no fault");
+    }
+    if (memmem(text, length, "\r\n", 2) != NULL) {
+        odidctl_report_line(self->report, "  note: has the line ends of Windows: no fault");
+    }
+    if (text[length - 1] != '\n' && text[length - 1] != '\r') {
+        odidctl_report_line(self->report, "  note: ends within its last line. If the file was cut "
+                                          "short, the rest of it is missing");
+    }
+}
+
+/* The key first: a password that can't be kept must stay where it is. */
+static void take_password(struct import *self, const char *path, const char *old,
+                          const char *blanked, size_t length, const char *password)
+{
+    /* Set to nothing in a later line: only the earlier one is to be blanked. */
+    int result = password[0] == '\0' ? 0 : odidctl_keep_password(self->places->data, password);
+
+    if (result == 0) {
+        log_info("the maintenance password was taken over");
+        blank_on_volume(self, path, old, blanked, length);
+    } else {
+        refuse(self, "%s: [maintenance] password was not taken over: %s", self->name,
+               strerror(-result));
+    }
+}
+
+/* blanked: a right configuration, without its password. Returns whether it is in force. */
+static bool take_config(struct import *self, const char *blanked, size_t length)
+{
+    char path[ODIDCTL_PATH_SIZE];
+    size_t kept_length = 0;
+    char *kept = config_edit_without_secrets(blanked, length, &kept_length);
+    uint64_t hash;
+    int result = kept == NULL ? -ENOMEM : 0;
+
+    odidctl_config_path(self->places, path);
+    hash = kept == NULL ? 0 : fingerprint(kept, kept_length);
+    if (kept != NULL && !was_imported(path, hash)) {
+        result = keep(path, kept, kept_length, 0644, hash);
+        if (result == 0) {
+            log_info("%s was taken over", self->name);
+        }
+    }
+    free(kept);
+    if (result < 0) {
+        refuse(self, "%s can't be kept in %s: %s", self->name, path, strerror(-result));
+    }
+    return result == 0;
+}
+
+/* text is cleared by the caller. Returns whether the configuration is right and in force. */
+static bool import_text(struct import *self, const char *path, char *text, size_t length)
+{
+    char password[CONFIG_PASSWORD_MAX + 1], *blanked;
+    struct config config;
+    unsigned errors, lines;
+    bool in_force = false;
+
+    /* Over what is in force: "using ..." then names what stays in force. */
+    read_in_force(self->places, &config);
+    errors = config_parse(&config, self->name, text, length, on_sentence, self);
+    explicit_bzero(&config, sizeof(config));
+    if (length > 0 && config_not_ini(text, length) == NULL) {
+        note_oddities(self, text, length);
+    }
+    if (errors > 0) {
+        return false;
+    }
+    blanked = calloc(1, length + 1);
+    if (blanked == NULL) {
+        refuse(self, "%s: %s", self->name, strerror(ENOMEM));
+        return false;
+    }
+    memcpy(blanked, text, length);
+    lines = config_edit_take_password(blanked, length, password);
+    in_force = take_config(self, blanked, length);
+    if (in_force && lines > 0) {
+        take_password(self, path, text, blanked, length, password);
+    }
+    config_defaults(&config);
+    config_parse(&config, self->name, blanked, length, say_nothing, NULL);
+    config_judge(&config, on_sentence, self);
+    explicit_bzero(password, sizeof(password));
+    free(blanked);
+    return in_force;
+}
+
+static void import_conf(struct import *self, const char *name)
+{
+    char path[NAME_SIZE + ODIDCTL_PATH_SIZE];
+    size_t length = 0;
+    char *text;
+    bool in_force = false;
+
+    self->name = name;
+    snprintf(path, sizeof(path), "%s/%s", self->directory, name);
+    text = whole_file_read(path, FILE_MAX, &length);
+    if (text == NULL) {
+        refuse(self, "%s can't be read: %s", name,
+               errno == EFBIG ? "it is larger than 64 KiB" : strerror(errno));
+    } else {
+        in_force = import_text(self, path, text, length);
+        explicit_bzero(text, length);
+        free(text);
+    }
+    odidctl_report_line(self->report, "  %s",
+                        in_force
+                            ? "It was taken over. odidctl may have changed single values since."
+                            : "NOTHING OF IT WAS TAKEN OVER, because of the errors. What was in "
+                              "force before stays in force.");
+}
+
+static void import_config(struct import *self, const struct volume *volume)
+{
+    const char *name = volume->conf[0] != '\0' ? volume->conf : volume->conf_txt;
+
+    odidctl_report_line(self->report, "odid.conf");
+    if (volume->conf[0] != '\0' && volume->conf_txt[0] != '\0') {
+        odidctl_report_line(self->report,
+                            "  warning: there are %s and %s: the first one counts. Windows hides "
+                            "the ending .txt",
+                            volume->conf, volume->conf_txt);
+        log_warning("there are %s and %s: the first one counts", volume->conf, volume->conf_txt);
+    } else if (volume->conf[0] == '\0' && volume->conf_txt[0] != '\0') {
+        odidctl_report_line(self->report,
+                            "  note: its name is %s (Windows adds .txt and hides it): taken as "
+                            "odid.conf",
+                            volume->conf_txt);
+    }
+    if (name[0] != '\0') {
+        import_conf(self, name);
+    } else if (volume->apple[0] != '\0') {
+        refuse(self,
+               "there is only %s, which macOS puts beside the real file: odid.conf itself is "
+               "missing; what was in force before stays in force",
+               volume->apple);
+    } else if (volume->similar[0] != '\0') {
+        refuse(self,
+               "there is no odid.conf, but %s: save it as plain text with the name "
+               "odid.conf; what was in force before stays in force",
+               volume->similar);
+    } else {
+        odidctl_report_line(self->report,
+                            "  There is none on this volume: what was in force before "
+                            "stays in force.");
+    }
+}
+
+/* ---- authorized_keys ---- */
+
+static void keep_keys(struct import *self, const char *text, size_t length)
+{
+    char path[ODIDCTL_PATH_SIZE];
+    uint64_t hash = fingerprint(text, length);
+    int result = 0;
+
+    snprintf(path, sizeof(path), "%s/ssh", self->places->data);
+    if (mkdir(path, 0700) < 0 && errno != EEXIST) {
+        result = -errno;
+    }
+    snprintf(path, sizeof(path), "%s/ssh/authorized_keys", self->places->data);
+    if (result == 0 && !was_imported(path, hash)) {
+        result = keep(path, text, length, 0600, hash);
+        if (result == 0) {
+            log_info("%s was taken over", self->name);
+        }
+    }
+    if (result < 0) {
+        refuse(self, "%s can't be kept in %s: %s", self->name, path, strerror(-result));
+    }
+}
+
+/* Returns the number of keys that are right; what is wrong was said. */
+static unsigned judge_keys(struct import *self, char *text, size_t *length)
+{
+    const char *fault = config_not_ini(text, *length);
+    struct authorized_keys found = {0};
+
+    if (fault != NULL) {
+        refuse(self, "%s %s", self->name, fault);
+        return 0;
+    }
+    found = authorized_keys_read(text, length, on_key_problem, self);
+    if (found.keys + found.comments + found.errors == 0) {
+        refuse(self, "%s holds no key; to close SSH, write a comment into it (# none)", self->name);
+    } else if (found.keys == 0 && found.errors == 0) {
+        *length = 0; /* then SSH doesn't even listen */
+    }
+    return found.keys;
+}
+
+static void import_keys(struct import *self, const struct volume *volume)
+{
+    char path[NAME_SIZE + ODIDCTL_PATH_SIZE];
+    bool refused_before = self->refused;
+    size_t length = 0;
+    unsigned keys;
+    char *text;
+
+    self->name = volume->keys[0] != '\0' ? volume->keys : volume->keys_txt;
+    odidctl_report_line(self->report, "%s", "");
+    odidctl_report_line(self->report, "authorized_keys");
+    if (self->name[0] == '\0') {
+        odidctl_report_line(self->report, "  There is none on this volume: keys that were taken "
+                                          "over before stay in force.");
+        return;
+    }
+    snprintf(path, sizeof(path), "%s/%s", self->directory, self->name);
+    text = whole_file_read(path, FILE_MAX, &length);
+    if (text == NULL) {
+        refuse(self, "%s can't be read: %s", self->name,
+               errno == EFBIG ? "it is larger than 64 KiB" : strerror(errno));
+        return;
+    }
+    self->refused = false;
+    keys = judge_keys(self, text, &length);
+    if (!self->refused) {
+        keep_keys(self, text, length);
+    }
+    free(text);
+    if (self->refused) {
+        odidctl_report_line(self->report, "  NONE OF ITS KEYS WAS TAKEN OVER. Those of before stay "
+                                          "in force.");
+    } else {
+        odidctl_report_line(self->report, "  It was taken over: %u key%s may log in.", keys,
+                            keys == 1 ? "" : "s");
+    }
+    self->refused = self->refused || refused_before;
+}
+
+/* ---- all of it ---- */
+
+static void finish(struct import *self)
+{
+    char path[ODIDCTL_PATH_SIZE + 20], sentence[700];
+    struct config config;
+    int result;
+
+    read_in_force(self->places, &config);
+    odidctl_report_in_force(self->report, &config, odidctl_password_known(self->places->data));
+    explicit_bzero(&config, sizeof(config));
+    snprintf(path, sizeof(path), "%s/" REPORT_NAME, self->directory);
+    result = odidctl_report_write(self->report, path, self->places->run_dir);
+    if (result < 0) {
+        say_unwritten(self, REPORT_NAME, -result);
+    }
+    if (self->refused) {
+        snprintf(sentence, sizeof(sentence),
+                 "The volume CONFIG was not taken over as it is, see odid-report.txt there: %s",
+                 self->fault);
+    } else {
+        snprintf(sentence, sizeof(sentence), "%s", self->fault);
+    }
+    odidctl_set_fault(self->places->faults, "config",
+                      self->refused || self->unwritten ? sentence : NULL);
+}
+
+int odidctl_import(const struct odidctl_places *places, const char *directory)
+{
+    struct import self = {.places = places, .directory = directory};
+    struct volume volume = {0};
+    char path[ODIDCTL_PATH_SIZE];
+    int result = look_through(directory, &volume), lock;
+
+    if (result < 0) {
+        log_error("%s can't be read: %s; what was in force before stays in force", directory,
+                  strerror(-result));
+        return ODIDCTL_NOT_GOOD;
+    }
+    self.report = odidctl_report_begin();
+    if (self.report == NULL) {
+        log_error("import: %s", strerror(errno));
+        return ODIDCTL_NOT_GOOD;
+    }
+    snprintf(path, sizeof(path), "%s/odid", places->data);
+    if (mkdir(path, 0755) < 0 && errno != EEXIST) {
+        log_error("%s can't be made: %s", path, strerror(errno)); /* what follows says the rest */
+    }
+    lock = whole_file_lock(path); /* keeps "odidctl set" out */
+    import_config(&self, &volume);
+    import_keys(&self, &volume);
+    finish(&self);
+    if (lock >= 0) {
+        close(lock);
+    }
+    odidctl_report_end(self.report);
+    return self.refused ? ODIDCTL_NOT_GOOD : self.unwritten ? ODIDCTL_HALF_DONE : ODIDCTL_GOOD;
+}

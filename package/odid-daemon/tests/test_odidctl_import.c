@@ -1,0 +1,525 @@
+/* odidctl import: what technicians' computers make of a file, and what comes of it. */
+#include "odidctl_bench.h"
+
+#include <sched.h>
+#include <sys/mount.h>
+
+#define CONF "data/odid/odid.conf"
+#define REPORT "volume/odid-report.txt"
+#define BEFORE "[wifi]\nchannel = 1\n"
+#define GOOD                                                                                       \
+    "[basic_id]\nuas_id = SSRS5GBG01\n[operator]\noperator_id = SWE3jxza7qbzvu5d\n"                \
+    "[wifi]\nchannel = 11\n"
+/* A public key made for this test. */
+#define KEY "ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIAABAgMEBQYHCAkKCwwNDg8QERITFBUWFxgZGhscHR4f "
+
+static void expect_report(const char *part)
+{
+    const char *report = got(REPORT);
+
+    assert_non_null(report);
+    if (strstr(report, part) == NULL) {
+        fail_msg("not in the report: %s\n%s", part, report);
+    }
+    for (const char *c = report; *c != '\0'; c++) { /* for Notepad */
+        assert_true(*c != '\n' || (c > report && c[-1] == '\r'));
+    }
+}
+
+/* ---- wrong in many ways ---- */
+
+#define BYTES(text) text, sizeof(text) - 1
+
+static void wrong_files_are_refused(void **state)
+{
+    static const struct {
+        const char *name, *text;
+        size_t length;
+        const char *sentence;
+    } cases[] = {
+        {"odid.conf", BYTES("\xFF\xFE[\0w\0i\0f\0i\0]\0"), "is UTF-16 text; save it as UTF-8"},
+        {"odid.conf", BYTES("\xFE\xFF\0[\0w\0i\0f\0i\0]"), "is UTF-16 text; save it as UTF-8"},
+        {"odid.conf", BYTES("[\0w\0i\0f\0i\0]\0\n\0"), "is UTF-16 text; save it as UTF-8"},
+        {"odid.conf", BYTES("{\\rtf1\\ansi [wifi]}"), "word processor's file (RTF)"},
+        {"odid.conf", BYTES("PK\x03\x04xxxx"), "word processor's file or an archive"},
+        {"odid.conf", BYTES("<html><body>[wifi]"), "is HTML or XML"},
+        {"odid.conf", BYTES(""), "odid.conf: is empty; nothing in it is used"},
+        {"odid.conf", BYTES("\0\0\0\0\0\0\0\0"), "holds only NUL bytes, as after a power cut"},
+        {"odid.conf", BYTES("[wifi]\nchannel = 6\0\0\0\0\n"), "odid.conf line 2: holds NUL bytes"},
+        {"odid.conf", BYTES("\0\5\26\7 macOS"), "is a \"._\" file that macOS puts beside"},
+        {"odid.conf", BYTES(GOOD "[bas"), "odid.conf line 7: [bas]: unknown section"},
+        {"odid.conf", BYTES(GOOD "[broadcast"), "line 7: [broadcast: the closing ] is missing"},
+        {"odid.conf", BYTES(GOOD "count"), "line 7: neither [section] nor key = value"},
+        {"odid.conf", BYTES(GOOD "[system]\noperator_latitude = 57,7\noperator_longitude = 12"),
+         "line 8: [system] operator_latitude = \"57,7\": write 57.7, with a point"},
+        {"odid.conf",
+         BYTES(GOOD "[self_id]\ndescription = Sj\xC3\xB6r\xC3\xA4"
+                    "ddning i G\xC3\xB6teborg\n"),
+         "25 bytes (22 characters; \xC3\xA5, \xC3\xA4, \xC3\xB6 are 2 bytes each), 23 bytes fit"},
+        {"odid.conf",
+         BYTES(GOOD "[self_id]\ndescription = Sj\xF6r\xE4"
+                    "ddning\n"),
+         "2 bytes that are no UTF-8 (a file saved as \"ANSI\"?)"},
+        {"odid.conf", BYTES(GOOD "[wfi]\nchannel = 1\n"),
+         "line 7: [wfi]: unknown section, ignored with all its keys; did you mean [wifi]?"},
+        {"odid.conf", BYTES(GOOD "uas_id = X\n"), "line 7: uas_id belongs in [basic_id]"},
+        {"odid.conf", BYTES(GOOD "chanel = 1\n"), "unknown key, ignored; did you mean channel?"},
+        /* What stays in force is named: the one before. */
+        {"odid.conf", BYTES("[wifi]\nchannel = 36\n"),
+         "line 2: [wifi] channel = \"36\": expected 1-11; using 1"},
+        {"odid.conf", BYTES(GOOD "[broadcast]\nbt4_enabled = ja\n"), "expected true or false"},
+        {"odid.conf", BYTES(GOOD "[self_id]\ndescription = \"a\n"), "closing quote is missing"},
+        {"odid.conf", BYTES(GOOD "[operator]\noperator_id = Anna\xC5ke\n"),
+         "[operator] operator_id: expected only ASCII letters and digits"},
+        {"odid.conf", BYTES(GOOD "[system]\noperator_latitude = 57.7\n"),
+         "one is set without the other"},
+        {"odid.conf", BYTES(GOOD "[maintenance]\npassword = sesame\n"), "expected 8-63 ASCII"},
+        {"odid.conf", BYTES(GOOD "[basic_id]\nuas_id = SSRS5GBG0123456789012345\n"),
+         "20 fit on the air"},
+        {"odid.conf.txt", BYTES("[wifi]\nchannel = 36\n"), "odid.conf.txt line 2"},
+        {"._odid.conf", BYTES("\0\5\26\7 macOS"), "there is only ._odid.conf, which macOS puts"},
+        {"odid.conf.rtf", BYTES("{\\rtf1"), "there is no odid.conf, but odid.conf.rtf"},
+        {"odid (1).conf", BYTES(GOOD), "there is no odid.conf, but odid (1).conf"},
+    };
+
+    (void)state;
+    assert_true(COUNT(cases) >= 20);
+    for (size_t i = 0; i < COUNT(cases); i++) {
+        char path[64];
+
+        bench_clear(NULL);
+        put(CONF, BEFORE);
+        snprintf(path, sizeof(path), "volume/%s", cases[i].name);
+        put_bytes(path, cases[i].text, cases[i].length);
+        if (CALL("import", "volume") != 1) {
+            fail_msg("was not refused: %s", cases[i].sentence);
+        }
+        expect_file(CONF, BEFORE);
+        expect_report(cases[i].sentence);
+        expect_report("stays in force");
+        expect_report("In force now");
+        assert_non_null(strstr(got("faults/config"), "The volume CONFIG was not taken over"));
+        assert_null(strstr(got(REPORT), "sesame"));
+    }
+}
+
+static void larger_than_anybody_needs(void **state)
+{
+    static char text[65537];
+
+    (void)state;
+    memset(text, ';', sizeof(text));
+    put(CONF, BEFORE);
+    put_bytes("volume/odid.conf", text, sizeof(text));
+    assert_int_equal(CALL("import", "volume"), 1);
+    expect_report("it is larger than 64 KiB");
+    unlink("volume/odid.conf");
+    shell("mkdir volume/odid.conf");
+    assert_int_equal(CALL("import", "volume"), 1);
+    expect_report("can't be read: Is a directory");
+    expect_file(CONF, BEFORE);
+    assert_int_equal(CALL("import", "elsewhere"), 1);
+    assert_non_null(strstr(said, "what was in force before stays in force"));
+}
+
+/* ---- odd and right ---- */
+
+static void odd_files_are_taken_over(void **state)
+{
+    static const struct {
+        const char *name, *text, *said, *kept;
+    } cases[] = {
+        {"odid.conf", GOOD, "It was taken over", GOOD},
+        {"ODID.CONF", GOOD, "It was taken over", GOOD},
+        {"Odid.Conf.TXT", GOOD, "note: its name is Odid.Conf.TXT (Windows adds .txt", GOOD},
+        {"odid.conf", "\xEF\xBB\xBF" GOOD, "byte-order mark, as Windows writes it: no fault",
+         "\xEF\xBB\xBF" GOOD},
+        {"odid.conf", "[wifi]\r\nchannel = 11\r\n", "has the line ends of Windows: no fault",
+         "[wifi]\r\nchannel = 11\r\n"},
+        {"odid.conf", "[wifi]\nchannel = 11",
+         "note: ends within its last line. If the file was cut", "[wifi]\nchannel = 11"},
+        {"odid.conf", "[wifi]\rchannel = 11\r", "It was taken over", "[wifi]\rchannel = 11\r"},
+        {"odid.conf", GOOD "[self_id]\ndescription = \"Sj\xC3\xB6\"\n",
+         "warning: odid.conf line 8: [self_id] description = \"Sj\xC3\xB6\": only ASCII is sure",
+         GOOD "[self_id]\ndescription = \"Sj\xC3\xB6\"\n"},
+        {"odid.conf", "[basic_id]\nuas_id = 123\n", "warning: [basic_id] uas_id = \"123\" is no",
+         "[basic_id]\nuas_id = 123\n"},
+        {"odid.conf", "; nothing\n", "warning: [basic_id] uas_id is not set", "; nothing\n"},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < COUNT(cases); i++) {
+        char path[64];
+
+        bench_clear(NULL);
+        put(CONF, BEFORE);
+        put("faults/config", "before\n");
+        put("volume/._odid.conf", "rubbish");
+        snprintf(path, sizeof(path), "volume/%s", cases[i].name);
+        put(path, cases[i].text);
+        assert_int_equal(CALL("import", "volume"), 0);
+        expect_file(CONF, cases[i].kept);
+        expect_report(cases[i].said);
+        expect_file(path, cases[i].text);
+        assert_null(strstr(got(REPORT), "._odid"));
+        expect_none("faults/config");
+    }
+}
+
+static void nothing_on_the_volume(void **state)
+{
+    (void)state;
+    put(CONF, BEFORE);
+    put("volume/odid.conf.example", GOOD);
+    put("volume/README.TXT", "hello");
+    assert_int_equal(CALL("import", "volume"), 0);
+    expect_report("There is none on this volume");
+    expect_file(CONF, BEFORE);
+    expect_none("faults/config");
+}
+
+static void two_files(void **state)
+{
+    (void)state;
+    put("volume/odid.conf", GOOD);
+    put("volume/odid.conf.txt", BEFORE);
+    assert_int_equal(CALL("import", "volume"), 0);
+    expect_file(CONF, GOOD);
+    expect_report("warning: there are odid.conf and odid.conf.txt: the first one counts");
+    assert_non_null(strstr(said, "there are odid.conf and odid.conf.txt"));
+}
+
+static void identity_in_the_report(void **state)
+{
+    (void)state;
+    put("volume/odid.conf", GOOD "[basic_id_2]\nuas_id = SE-ABC\nid_type = registration\n");
+    assert_int_equal(CALL("import", "volume"), 0);
+    expect_report("  Aircraft              SSRS5GBG01 (serial)\r\n");
+    expect_report("  Aircraft, second      SE-ABC (registration)\r\n");
+    expect_report("  Operator number       SWE3jxza7qbzvu5d\r\n");
+    expect_report("  Maintenance password  not set\r\n");
+    assert_null(strstr(got(REPORT), "Written:"));
+}
+
+static void the_date_when_it_is_known(void **state)
+{
+    struct stat first, second;
+    pid_t daemon = answer_with("{\"time\": {\"known\": false, \"utc\": null}}");
+
+    (void)state;
+    put("volume/odid.conf", GOOD);
+    assert_int_equal(CALL("import", "volume"), 0);
+    assert_null(strstr(got(REPORT), "Written:"));
+    end(daemon);
+    /* It alone is no reason to write. */
+    assert_int_equal(stat(REPORT, &first), 0);
+    daemon = answer_with("{\"time\": {\"known\": true, \"utc\": \"2026-11-21 12:00:00\"}}");
+    assert_int_equal(CALL("import", "volume"), 0);
+    assert_int_equal(stat(REPORT, &second), 0);
+    assert_int_equal(first.st_ino, second.st_ino);
+    unlink(REPORT);
+    assert_int_equal(CALL("import", "volume"), 0);
+    expect_report("Written: 2026-11-21 12:00:00 (UTC)\r\n");
+    end(daemon);
+}
+
+/* ---- only what changed ---- */
+
+static void only_when_it_changed(void **state)
+{
+    struct stat first, second;
+
+    (void)state;
+    put("volume/odid.conf", GOOD);
+    assert_int_equal(CALL("import", "volume"), 0);
+    assert_int_equal(CALL("set", "wifi.channel", "3"), 0);
+    assert_int_equal(stat(REPORT, &first), 0);
+    assert_int_equal(CALL("import", "volume"), 0);
+    assert_non_null(strstr(got(CONF), "channel = 3"));
+    assert_int_equal(stat(REPORT, &second), 0);
+    assert_int_equal(first.st_ino, second.st_ino); /* flash wears */
+    put("volume/odid.conf", GOOD "; changed\n");
+    assert_int_equal(CALL("import", "volume"), 0);
+    expect_file(CONF, GOOD "; changed\n");
+    /* A /data that was made anew. */
+    unlink(CONF);
+    assert_int_equal(CALL("import", "volume"), 0);
+    expect_file(CONF, GOOD "; changed\n");
+    /* A refused one is refused again, and what it says is not forgotten. */
+    put("volume/odid.conf", GOOD "chanel = 1\n");
+    assert_int_equal(CALL("import", "volume"), 1);
+    assert_int_equal(CALL("import", "volume"), 1);
+    expect_report("did you mean channel?");
+    expect_file(CONF, GOOD "; changed\n");
+}
+
+/* ---- secrets ---- */
+
+static void the_secret_part_is_not_kept(void **state)
+{
+    (void)state;
+    put("volume/odid.conf", "; FIN87astrdge12k8-xyz\n[operator]\noperator_id = "
+                            "\"FIN87astrdge12k8-xyz\" ; FIN87astrdge12k8-xyz\n");
+    assert_int_equal(CALL("import", "volume"), 0);
+    expect_file(CONF, "; FIN87astrdge12k8\n[operator]\noperator_id = \"FIN87astrdge12k8\" ; "
+                      "FIN87astrdge12k8\n");
+    expect_report("check character right; the secret part is not kept");
+    assert_null(strstr(got(REPORT), "xyz"));
+    assert_null(strstr(said, "xyz"));
+    put("volume/odid.conf", "[operator]\noperator_id = FIN87astrdge12k8-xyy\n");
+    assert_int_equal(CALL("import", "volume"), 0);
+    expect_report("does not fit the others: one of them is mistyped");
+    assert_null(strstr(got(REPORT), "xyy"));
+}
+
+static void the_password_is_consumed(void **state)
+{
+    static const char after[] = "[maintenance]\r\n; password: taken over  \r\nat_boot = yes\r\n";
+
+    (void)state;
+    put("data/secrets/wifi_ssid", "IEEE\n");
+    put("volume/odid.conf", "[maintenance]\r\npassword = \"password\" ;x\r\nat_boot = yes\r\n");
+    assert_int_equal(CALL("import", "volume"), 0);
+    expect_file("volume/odid.conf", after);
+    expect_file(CONF, after);
+    expect_file("data/secrets/maintenance.psk",
+                "f42c6fc52df0ebef9ebb4b90b38a5f902e83fe1b135a70e23aed762e9710a12e\n");
+    expect_report("  Maintenance password  set\r\n");
+    /* What is left on the volume is not imported again, and keeps the key. */
+    assert_int_equal(CALL("set", "wifi.channel", "3"), 0);
+    assert_int_equal(CALL("import", "volume"), 0);
+    assert_non_null(strstr(got(CONF), "channel = 3"));
+    assert_int_equal(CALL("get", "maintenance.password"), 0);
+    assert_string_equal(said, "set\n");
+    assert_int_equal(system("grep -rq '\"password\"' data volume faults"), 256);
+}
+
+static void a_refused_file_keeps_its_password(void **state)
+{
+    (void)state;
+    put("volume/odid.conf", "[maintenance]\npassword = password\n[wifi]\nchannel = 36\n");
+    assert_int_equal(CALL("import", "volume"), 1);
+    expect_none("data/secrets/maintenance.psk");
+    assert_non_null(strstr(got("volume/odid.conf"), "password = password\n"));
+}
+
+/* ---- authorized_keys ---- */
+
+static void keys_are_taken_over(void **state)
+{
+    struct stat file;
+
+    (void)state;
+    put("volume/authorized_keys.txt",
+        "\xEF\xBB\xBF# mine\r\n" KEY "anna@laptop\r\n\r\n  " KEY "\r\n" KEY "last");
+    assert_int_equal(CALL("import", "volume"), 0);
+    expect_file("data/ssh/authorized_keys", "# mine\n" KEY "anna@laptop\n\n" KEY "\n" KEY "last\n");
+    assert_int_equal(stat("data/ssh/authorized_keys", &file), 0);
+    assert_int_equal(file.st_mode & 0777, 0600);
+    assert_int_equal(stat("data/ssh", &file), 0);
+    assert_int_equal(file.st_mode & 0777, 0700);
+    expect_report("It was taken over: 3 keys may log in.");
+    /* Only when it changed. */
+    put("data/ssh/authorized_keys", KEY "by hand\n");
+    assert_int_equal(CALL("import", "volume"), 0);
+    expect_file("data/ssh/authorized_keys", KEY "by hand\n");
+    put("volume/authorized_keys.txt", "# none\n");
+    assert_int_equal(CALL("import", "volume"), 0);
+    expect_file("data/ssh/authorized_keys", "");
+}
+
+static void wrong_keys_are_refused(void **state)
+{
+    static const struct {
+        const char *text;
+        size_t length;
+        const char *sentence;
+    } cases[] = {
+        {BYTES(""), "authorized_keys is empty"},
+        {BYTES("\r\n\r\n"), "holds no key; to close SSH"},
+        {BYTES("\xFF\xFEs\0s\0h\0"), "is UTF-16 text"},
+        {BYTES(KEY "a\nssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIAABAgME a\n"),
+         "authorized_keys line 2: the key itself is damaged or cut"},
+        {BYTES("ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIAABAgM a\n"), "is no base64"},
+        {BYTES("ssh-rsa =\n"), "line 1: the key itself is no base64"},
+        {BYTES("ssh-rsa ====\n"), "line 1: the key itself is no base64"},
+        {BYTES("ssh-ed25519\n"), "line 1: the key itself is no base64"},
+        {BYTES("ssh-rsa AAAAC3NzaC1lZDI1NTE5AAAAIAABAgMEBQYHCAkKCwwNDg8QERITFBUWFxgZGhscHR4f\n"),
+         "or is of another type than it says"},
+        {BYTES("ssh-dss AAAA\n"), "expected the type of a key first"},
+        {BYTES("command=\"sh\" " KEY "\n"), "options before it are not taken"},
+        {BYTES("hello\n"), "expected the type of a key first"},
+        {BYTES("-----BEGIN OPENSSH PRIVATE KEY-----\nAAAA\n"), "line 1: is a private key"},
+        {BYTES("PuTTY-User-Key-File-3: ssh-ed25519\n"), "line 1: is a private key"},
+        {BYTES("---- BEGIN SSH2 PUBLIC KEY ----\n"), "is a key in another form"},
+        {BYTES(KEY "a\0b\n"), "holds NUL bytes"},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < COUNT(cases); i++) {
+        bench_clear(NULL);
+        shell("mkdir data/ssh");
+        put("data/ssh/authorized_keys", KEY "before\n");
+        put("volume/odid.conf", GOOD);
+        put_bytes("volume/authorized_keys", cases[i].text, cases[i].length);
+        if (CALL("import", "volume") != 1) {
+            fail_msg("was not refused: %s", cases[i].sentence);
+        }
+        expect_file("data/ssh/authorized_keys", KEY "before\n");
+        expect_report(cases[i].sentence);
+        expect_report("NONE OF ITS KEYS WAS TAKEN OVER");
+        expect_file(CONF, GOOD); /* one has nothing to do with the other */
+    }
+}
+
+/* ---- volumes that can't be written ---- */
+
+/* Mounts of our own, which nobody else sees; false where that is not allowed. */
+static bool own_mounts(void)
+{
+    return unshare(CLONE_NEWNS) == 0 && mount("none", "/", NULL, MS_REC | MS_PRIVATE, NULL) == 0;
+}
+
+static bool mount_small(const char *where)
+{
+    return mount("none", where, "tmpfs", 0, "size=64k") == 0;
+}
+
+/* Fills it to the last byte. */
+static void fill(const char *path)
+{
+    static const char zeros[4096];
+    int fd = open(path, O_WRONLY | O_CREAT | O_CLOEXEC, 0600);
+
+    assert_true(fd >= 0);
+    while (write(fd, zeros, sizeof(zeros)) > 0) {
+    }
+    close(fd);
+}
+
+static void in_a_child(void (*what)(void))
+{
+    pid_t child = fork();
+    int status;
+
+    assert_true(child >= 0);
+    if (child == 0) {
+        if (!own_mounts()) {
+            _exit(77);
+        }
+        what();
+        _exit(0);
+    }
+    assert_int_equal(waitpid(child, &status, 0), child);
+    if (WIFEXITED(status) && WEXITSTATUS(status) == 77) {
+        print_message("skipped: mounting is not allowed here\n");
+        skip();
+    }
+    assert_int_equal(status, 0);
+}
+
+#define REQUIRE(condition)                                                                         \
+    do {                                                                                           \
+        if (!(condition)) {                                                                        \
+            print_message("line %d: %s\n%s\n", __LINE__, #condition, said);                        \
+            _exit(1);                                                                              \
+        }                                                                                          \
+    } while (0)
+
+static void volume_full(void)
+{
+    REQUIRE(mount_small("volume"));
+    put("volume/odid.conf", "[maintenance]\npassword = password\n");
+    fill("volume/photos");
+    REQUIRE(CALL("import", "volume") == 4);
+    REQUIRE(strstr(said, "odid-report.txt can't be written on the volume CONFIG: No space") !=
+            NULL);
+    REQUIRE(strstr(got("faults/config"), "No space left") != NULL);
+    /* Taken over all the same, and the password is gone: that needs no space. */
+    REQUIRE(strcmp(got(CONF), "[maintenance]\n; password: taken o\n") == 0);
+    REQUIRE(strcmp(got("volume/odid.conf"), "[maintenance]\n; password: taken o\n") == 0);
+    REQUIRE(access("volume/.odid-report.txt.new", F_OK) < 0);
+}
+
+static void volume_read_only(void)
+{
+    REQUIRE(mount_small("volume"));
+    put("volume/odid.conf", "[maintenance]\npassword = password\n");
+    REQUIRE(mount("none", "volume", NULL, MS_REMOUNT | MS_RDONLY, NULL) == 0);
+    REQUIRE(CALL("import", "volume") == 4);
+    REQUIRE(strstr(said, "Read-only file system") != NULL);
+    REQUIRE(strcmp(got(CONF), "[maintenance]\n; password: taken o\n") == 0);
+    REQUIRE(got("data/secrets/maintenance.psk") != NULL);
+    /* What could not be blanked is no reason to import the rest again. */
+    REQUIRE(CALL("set", "wifi.channel", "3") == 0);
+    REQUIRE(CALL("import", "volume") == 4);
+    REQUIRE(strstr(got(CONF), "channel = 3") != NULL);
+}
+
+static void data_full(void)
+{
+    REQUIRE(mount_small("data"));
+    shell("mkdir data/odid data/secrets data/ssh");
+    put(CONF, BEFORE);
+    fill("data/flights");
+    put("volume/odid.conf", "[maintenance]\npassword = password\n");
+    put("volume/authorized_keys", KEY "\n");
+    REQUIRE(CALL("import", "volume") == 1);
+    REQUIRE(strstr(said, "can't be kept in data/odid/odid.conf: No space left") != NULL);
+    REQUIRE(strstr(got(REPORT), "can't be kept") != NULL);
+    REQUIRE(strcmp(got(CONF), BEFORE) == 0);
+    REQUIRE(strstr(got("volume/odid.conf"), "password = password\n") != NULL);
+    REQUIRE(access("data/ssh/authorized_keys", F_OK) < 0);
+    REQUIRE(CALL("set", "wifi.channel", "3") == 1);
+    REQUIRE(strstr(said, "No space left on device; nothing was changed") != NULL);
+    REQUIRE(strcmp(got(CONF), BEFORE) == 0);
+    REQUIRE(access("data/odid/.odid.conf.new", F_OK) < 0);
+    /* There is room again. */
+    unlink("data/flights");
+    REQUIRE(CALL("import", "volume") == 0);
+    REQUIRE(strstr(got("volume/odid.conf"), "password = password\n") == NULL);
+}
+
+static void a_full_volume(void **state)
+{
+    (void)state;
+    in_a_child(volume_full);
+}
+
+static void a_read_only_volume(void **state)
+{
+    (void)state;
+    in_a_child(volume_read_only);
+}
+
+static void a_full_data(void **state)
+{
+    (void)state;
+    in_a_child(data_full);
+}
+
+#define TEST(function) cmocka_unit_test_setup(function, bench_clear)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(wrong_files_are_refused),
+        TEST(larger_than_anybody_needs),
+        TEST(odd_files_are_taken_over),
+        TEST(nothing_on_the_volume),
+        TEST(two_files),
+        TEST(identity_in_the_report),
+        TEST(the_date_when_it_is_known),
+        TEST(only_when_it_changed),
+        TEST(the_secret_part_is_not_kept),
+        TEST(the_password_is_consumed),
+        TEST(a_refused_file_keeps_its_password),
+        TEST(keys_are_taken_over),
+        TEST(wrong_keys_are_refused),
+        TEST(a_full_volume),
+        TEST(a_read_only_volume),
+        TEST(a_full_data),
+    };
+
+    return cmocka_run_group_tests(tests, bench_make, bench_remove);
+}

@@ -1,0 +1,270 @@
+/* odidctl get, set and maintenance, as they are called. */
+
+#include "odidctl_bench.h"
+
+#define CONF "data/odid/odid.conf"
+#define BEGIN "; Kept.\n[wifi]\ncountry = NO ; and this\n\n[broadcast]\nbt5_enabled = off\n"
+#define ARMED "{\"on_air\": true, \"aircraft\": {\"armed\": true}}"
+#define DISARMED "{\"on_air\": true, \"aircraft\": {\"armed\": false}}"
+#define LOST "{\"on_air\": true, \"aircraft\": {\"armed\": null}}"
+
+/* ---- get ---- */
+
+static void expect_in_force(const char *name, const char *value)
+{
+    char line[300];
+
+    assert_int_equal(CALL("get", name), 0);
+    snprintf(line, sizeof(line), "%s\n", value);
+    assert_string_equal(said, line);
+}
+
+static void values_in_force(void **state)
+{
+    (void)state;
+    expect_in_force("wifi.country", "SE"); /* without a file */
+    put(CONF, BEGIN "[autopilot]\ndevice = /dev/ttyAMA3\n[ground_station]\naddress = laptop\n");
+    expect_in_force("wifi.country", "NO");
+    expect_in_force("WiFi.Country", "NO");
+    expect_in_force("wifi.channel", "6");
+    expect_in_force("broadcast.bt5_enabled", "false");
+    expect_in_force("autopilot.device", "/dev/ttyAMA3");
+    expect_in_force("maintenance.at_boot", "no");
+    expect_in_force("ground_station.address", ""); /* a wrong value is not in force */
+    expect_in_force("basic_id.uas_id", "");
+    expect_in_force("system.operator_latitude", "");
+    put(CONF, "\xFF\xFE[");
+    expect_in_force("wifi.country", "SE");
+    put("other.conf", "[wifi]\ncountry = FI\n");
+    assert_int_equal(CALL("get", "wifi.country", "-config", "other.conf"), 0);
+    assert_string_equal(said, "FI\n");
+}
+
+static void unknown_keys(void **state)
+{
+    (void)state;
+    assert_int_equal(CALL("get", "wifi.chanel"), 2);
+    assert_non_null(strstr(said, "did you mean channel?"));
+    assert_int_equal(CALL("get", "wfi.channel"), 2);
+    assert_non_null(strstr(said, "did you mean wifi?"));
+    assert_int_equal(CALL("get", "channel"), 2);
+    assert_int_equal(CALL("get"), 2);
+    assert_int_equal(CALL("set", "wifi.chanel", "6"), 2);
+    assert_int_equal(CALL("set", "wifi.channel"), 2);
+    assert_int_equal(CALL("set", "wifi.channel", "1", "2"), 2);
+    expect_none(CONF);
+}
+
+static void secrets_are_not_printed(void **state)
+{
+    (void)state;
+    put(CONF, "[operator]\noperator_id = FIN87astrdge12k8-xyz\n");
+    expect_in_force("operator.operator_id", "FIN87astrdge12k8");
+    expect_in_force("maintenance.password", "unset");
+    put(CONF, "[maintenance]\npassword = hunter2hunter2\n");
+    expect_in_force("maintenance.password", "set");
+    put(CONF, "");
+    put("data/secrets/maintenance.psk", "00\n");
+    expect_in_force("maintenance.password", "set");
+}
+
+/* ---- set ---- */
+
+static void a_value_is_set(void **state)
+{
+    (void)state;
+    put(CONF, BEGIN);
+    assert_int_equal(chmod(CONF, 0640), 0);
+    assert_int_equal(CALL("set", "wifi.country", "fi"), 0);
+    assert_string_equal(said, "Saved. Restart the daemon to make it count.\n");
+    expect_file(CONF,
+                "; Kept.\n[wifi]\ncountry = fi ; and this\n\n[broadcast]\nbt5_enabled = off\n");
+    assert_int_equal(CALL("set", "system.operator_latitude", "-12.5"), 0);
+    assert_non_null(strstr(said, "one is set without the other"));
+    assert_int_equal(CALL("set", "system.operator_longitude", "-0.5"), 0);
+    assert_string_equal(said, "Saved. Restart the daemon to make it count.\n");
+    expect_in_force("system.operator_latitude", "-12.5");
+    assert_int_equal(CALL("set", "self_id.description", "a; b"), 0);
+    expect_in_force("self_id.description", "a; b");
+    expect_none("data/odid/.odid.conf.new");
+    assert_int_equal(CALL("get", "wifi.country"), 0);
+}
+
+static void without_a_file(void **state)
+{
+    (void)state;
+    assert_int_equal(CALL("set", "wifi.channel", "11"), 0);
+    expect_file(CONF, "[wifi]\nchannel = 11\n");
+    shell("rm -r data/odid");
+    assert_int_equal(CALL("set", "wifi.channel", "11"), 1);
+    assert_non_null(strstr(said, "nothing was changed"));
+}
+
+static void wrong_values_change_nothing(void **state)
+{
+    static const struct {
+        const char *name, *value, *sentence;
+    } cases[] = {
+        {"wifi.channel", "14", "[wifi] channel = \"14\": expected 1-11; using 6\n"},
+        {"wifi.channel", "", "expected 1-11"},
+        {"wifi.country", "Norge", "expected a country's two letters, such as SE; using NO"},
+        {"system.operator_latitude", "57,7", "write 57.7, with a point"},
+        {"system.operator_latitude", "91", "degrees from -90 to 90"},
+        {"self_id.description", "123456789012345678901234", "24 characters long, 23 fit"},
+        {"self_id.description", "FIN87astrdge12k8-xyz", "holds the secret part"},
+        {"self_id.description", "a\n[wifi]", "holds control characters"},
+        {"self_id.description", "it's \"a\"", "can't hold that value"},
+        {"basic_id.uas_id", "SSRS5GBG01234567890123", "20 fit on the air"},
+        {"operator.operator_id", "FIN87\xC3\xA5strdge12k8", "expected only ASCII"},
+        {"broadcast.bt5_enabled", "maybe", "expected true or false"},
+        {"maintenance.password", "short", "expected 8-63 ASCII characters"},
+        {"autopilot.device", "ttyACM0", "usb:VVVV:PPPP"},
+    };
+
+    (void)state;
+    put(CONF, BEGIN);
+    for (size_t i = 0; i < COUNT(cases); i++) {
+        assert_int_equal(CALL("set", cases[i].name, cases[i].value), 1);
+        assert_non_null(strstr(said, cases[i].sentence));
+        assert_non_null(strcasestr(said, "nothing was changed"));
+        expect_file(CONF, BEGIN);
+    }
+    put(CONF, "\xFF\xFE[\x01");
+    assert_int_equal(CALL("set", "wifi.channel", "1"), 1);
+    assert_non_null(strstr(said, "is UTF-16 text"));
+    expect_file(CONF, "\xFF\xFE[\x01");
+}
+
+static void the_operator_number_without_its_secret(void **state)
+{
+    (void)state;
+    assert_int_equal(CALL("set", "operator.operator_id", "FIN87astrdge12k8-xyz"), 0);
+    assert_non_null(strstr(said, "check character right"));
+    assert_null(strstr(said, "xyz"));
+    expect_file(CONF, "[operator]\noperator_id = FIN87astrdge12k8\n");
+}
+
+/* 64 digits, which IEEE 802.11 annex J.4 has for this password and this name. */
+static void the_password_becomes_a_key(void **state)
+{
+    struct stat file;
+
+    (void)state;
+    put(CONF, BEGIN);
+    put("data/secrets/wifi_ssid", "IEEE\n");
+    assert_int_equal(CALL("set", "maintenance.password", "password"), 0);
+    assert_null(strstr(said, "password"));
+    expect_file("data/secrets/maintenance.psk",
+                "f42c6fc52df0ebef9ebb4b90b38a5f902e83fe1b135a70e23aed762e9710a12e\n");
+    assert_int_equal(stat("data/secrets/maintenance.psk", &file), 0);
+    assert_int_equal(file.st_mode & 0777, 0600);
+    expect_file(CONF, BEGIN);
+    expect_in_force("maintenance.password", "set");
+    assert_int_equal(CALL("set", "maintenance.password", ""), 0);
+    expect_none("data/secrets/maintenance.psk");
+    /* Another name, another key. */
+    put("data/secrets/wifi_ssid", "ThisIsASSID\n");
+    shell("rm -r data/secrets/maintenance.psk 2>/dev/null; true");
+    assert_int_equal(CALL("set", "maintenance.password", "ThisIsAPassword"), 0);
+    expect_file("data/secrets/maintenance.psk",
+                "0dc0d6eb90555ed6419756b9a15ec3e3209b63df707dd508d14581f8982721af\n");
+}
+
+/* ---- making it count ---- */
+
+static void put_apply(const char *script)
+{
+    put("apply", script);
+    assert_int_equal(chmod("apply", 0755), 0);
+}
+
+static void it_is_applied_unless_armed(void **state)
+{
+    pid_t daemon;
+
+    (void)state;
+    put_apply("#!/bin/sh\necho applied >>applied\n");
+    unlink("applied");
+
+    /* Nobody answers, and it was never heard: disarmed. */
+    assert_int_equal(CALL("set", "wifi.channel", "1"), 0);
+    assert_string_equal(said, "Saved, and in effect.\n");
+    expect_file("applied", "applied\n");
+    assert_int_equal(CALL("set", "wifi.channel", "1"), 0);
+    assert_string_equal(said, "It is set to that already.\n");
+    expect_file("applied", "applied\n");
+
+    daemon = answer_with(ARMED);
+    assert_int_equal(CALL("set", "wifi.channel", "2"), 0);
+    assert_non_null(strstr(said, "after the next power-on"));
+    expect_file("applied", "applied\n");
+    expect_in_force("wifi.channel", "2");
+    end(daemon);
+
+    daemon = answer_with(DISARMED);
+    put("state/armed", "");
+    assert_int_equal(CALL("set", "wifi.channel", "3"), 0);
+    expect_file("applied", "applied\napplied\n");
+    end(daemon);
+
+    /* An autopilot that was lost after it was armed. */
+    daemon = answer_with(LOST);
+    assert_int_equal(CALL("set", "wifi.channel", "4"), 0);
+    assert_non_null(strstr(said, "after the next power-on"));
+    end(daemon);
+    assert_int_equal(CALL("set", "wifi.channel", "5"), 0);
+    assert_non_null(strstr(said, "after the next power-on"));
+    expect_file("applied", "applied\napplied\n");
+    unlink("state/armed");
+
+    put_apply("#!/bin/sh\nexit 3\n");
+    assert_int_equal(CALL("set", "wifi.channel", "6"), 4);
+    assert_non_null(strstr(said, "saved, but ./apply failed"));
+    expect_in_force("wifi.channel", "6");
+    unlink("apply");
+}
+
+/* ---- maintenance ---- */
+
+static void maintenance_on_and_off(void **state)
+{
+    pid_t daemon;
+
+    (void)state;
+    assert_int_equal(CALL("maintenance"), 2);
+    assert_int_equal(CALL("maintenance", "maybe"), 2);
+    assert_int_equal(CALL("maintenance", "on"), 4);
+    assert_non_null(strstr(said, "nobody can join"));
+    put("data/secrets/maintenance.psk", "00\n");
+    assert_int_equal(CALL("maintenance", "on"), 0);
+    expect_file("state/maintenance-asked", "");
+    assert_int_equal(CALL("maintenance", "off"), 0);
+    expect_none("state/maintenance-asked");
+    assert_int_equal(CALL("maintenance", "off"), 0);
+    daemon = answer_with(ARMED);
+    assert_int_equal(CALL("maintenance", "on"), 1);
+    expect_none("state/maintenance-asked");
+    end(daemon);
+    shell("rm -r state");
+    assert_int_equal(CALL("maintenance", "on"), 1);
+}
+
+#define TEST(function) cmocka_unit_test_setup(function, bench_clear)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(values_in_force),
+        TEST(unknown_keys),
+        TEST(secrets_are_not_printed),
+        TEST(a_value_is_set),
+        TEST(without_a_file),
+        TEST(wrong_values_change_nothing),
+        TEST(the_operator_number_without_its_secret),
+        TEST(the_password_becomes_a_key),
+        TEST(it_is_applied_unless_armed),
+        TEST(maintenance_on_and_off),
+    };
+
+    return cmocka_run_group_tests(tests, bench_make, bench_remove);
+}

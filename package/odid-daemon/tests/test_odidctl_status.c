@@ -1,0 +1,116 @@
+/* odidctl status: the appliance's faults beside what the daemon says. */
+#include <json-c/json_tokener.h>
+
+#include "odidctl_bench.h"
+
+#define ON_AIR "{\"on_air\": true, \"version\": \"1\"}"
+#define NOT_ON_AIR "{\"on_air\": false, \"version\": \"1\"}"
+
+static void faults_in_the_table(void **state)
+{
+    pid_t daemon = answer_with(ON_AIR);
+
+    (void)state;
+    assert_int_equal(CALL("status"), 0);
+    assert_null(strstr(said, "The appliance"));
+    put("faults/wireless", "There is no Wi-Fi interface.\n");
+    put("faults/data", "/data is full.");
+    put("faults/empty", "");
+    put("faults/.hidden", "half written\n");
+    assert_int_equal(CALL("status"), 0); /* they don't say what is on the air */
+    assert_non_null(strstr(said, "The appliance\n"
+                                 "  data             /data is full.\n"
+                                 "  empty            (no more is known)\n"
+                                 "  wireless         There is no Wi-Fi interface.\n"));
+    assert_null(strstr(said, "half written"));
+    shell("rm -r faults");
+    assert_int_equal(CALL("status"), 0);
+    end(daemon);
+    daemon = answer_with(NOT_ON_AIR);
+    assert_int_equal(CALL("status"), 1);
+    end(daemon);
+}
+
+static void faults_in_json(void **state)
+{
+    pid_t daemon = answer_with(ON_AIR);
+    struct json_object *status, *faults, *fault;
+
+    (void)state;
+    put("faults/data", "/data \"is\" full\x01\xFF.\nmore\n");
+    assert_int_equal(CALL("status", "--json"), 0);
+    status = json_tokener_parse(said);
+    faults = json_object_object_get(status, "appliance_faults");
+    assert_int_equal(json_object_array_length(faults), 1);
+    fault = json_object_array_get_idx(faults, 0);
+    assert_string_equal(json_object_get_string(json_object_object_get(fault, "name")), "data");
+    assert_string_equal(json_object_get_string(json_object_object_get(fault, "sentence")),
+                        "/data \"is\" full??.");
+    json_object_put(status);
+    unlink("faults/data");
+    assert_int_equal(CALL("--json", "status"), 0);
+    status = json_tokener_parse(said);
+    assert_int_equal(json_object_array_length(json_object_object_get(status, "appliance_faults")),
+                     0);
+    json_object_put(status);
+    end(daemon);
+}
+
+/* Then they matter most. */
+static void faults_without_a_daemon(void **state)
+{
+    (void)state;
+    put("faults/data", "/data is full.\n");
+    assert_int_equal(CALL("status"), 3);
+    assert_non_null(strstr(said, "the daemon is not running"));
+    assert_non_null(strstr(said, "/data is full."));
+}
+
+static void nonsense_for_an_answer(void **state)
+{
+    pid_t daemon = answer_with("[1, 2");
+
+    (void)state;
+    assert_int_equal(CALL("status"), 3);
+    assert_non_null(strstr(said, "can't be understood"));
+    end(daemon);
+}
+
+static void wrong_command_lines(void **state)
+{
+    (void)state;
+    assert_int_equal(CALL("status", "now"), 2);
+    assert_int_equal(CALL("stat"), 2);
+    assert_int_equal(CALL("-wrong", "status"), 2);
+    assert_int_equal(CALL("check"), 2);
+    assert_int_equal(CALL("import"), 2);
+    assert_int_equal(CALL("flights", "1", "2"), 2);
+    assert_int_equal(CALL("a", "b", "c", "d", "e", "f"), 2);
+    assert_int_equal(CALL("--help"), 0);
+    assert_int_equal(CALL("status", "--version"), 0);
+}
+
+static void check_knows_the_appliance(void **state)
+{
+    (void)state;
+    put("odid.conf", "[basic_id]\nuas_id = SSRS5GBG01\n[operator]\noperator_id = "
+                     "SWE3jxza7qbzvu5d\n[wifi]\nchannel = 6\n[maintenance]\npassword = "
+                     "hunter2hunter2\n");
+    assert_int_equal(CALL("check", "odid.conf"), 0);
+    assert_string_equal(said, "odid.conf: nothing is wrong\n");
+    put("odid.conf", "[wifi]\nchannel = 36\n");
+    assert_int_equal(CALL("check", "odid.conf"), 1);
+    assert_non_null(strstr(said, "odid.conf line 2: [wifi] channel = \"36\": expected 1-11"));
+}
+
+#define TEST(function) cmocka_unit_test_setup(function, bench_clear)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(faults_in_the_table),    TEST(faults_in_json),      TEST(faults_without_a_daemon),
+        TEST(nonsense_for_an_answer), TEST(wrong_command_lines), TEST(check_knows_the_appliance),
+    };
+
+    return cmocka_run_group_tests(tests, bench_make, bench_remove);
+}
