@@ -1,0 +1,85 @@
+# boot.cmd: starts one of the two slots. mkimage makes boot.scr of it; U-Boot's bootcmd runs that.
+#
+#   slot               the committed slot, a or b
+#   upgrade_available  1 while `trial` is on trial; U-Boot counts boots in bootcount only then
+#   trial_failed       set here: the slot whose trial failed last; kept for whoever asks why
+#   disk, console, *_addr_r   the board's, from its u-boot.env
+#
+# What comes of it is on the kernel's command line: odid.slot=a|b, and odid.fallback=<why> when
+# that isn't the slot that should have been started.
+
+if test "${slot}" != b; then setenv slot a; fi
+setenv first ${slot}
+setenv fallback
+
+# This before everything else, because saveenv saves every variable there is.
+if test "${upgrade_available}" = 1; then
+    if test ${bootcount} -gt ${bootlimit}; then
+        setenv first
+        setenv trial_failed ${trial}
+        setenv trial
+        setenv upgrade_available 0
+        setenv bootcount 0
+        saveenv
+        setenv first ${slot}
+        setenv fallback slot-${trial_failed}-failed-its-trial
+    elif test "${trial}" = a || test "${trial}" = b; then
+        setenv first ${trial}
+    fi
+fi
+
+# A slot is read from end to end before it is started: damage anywhere in it, a program as well as
+# the kernel, is a reason to take the other one. seal-slot.sh wrote its sha256 behind the squashfs,
+# whose own head says how long it is (octets, at 0x28). `failure` says what is wrong with the slot,
+# in words that fit the command line.
+setenv check_slot '
+setenv failure unreadable;
+if read ${disk}:${part} ${kernel_addr_r} 0 8; then
+    setexpr at ${kernel_addr_r} + 28;
+    setexpr.l length *${at};
+    setexpr length ${length} + fff;
+    setexpr length ${length} / 1000;
+    setexpr blocks ${length} * 8;
+    setexpr blocks ${blocks} + 8;
+    setexpr length ${length} * 1000;
+    setexpr seal ${kernel_addr_r} + ${length};
+    if read ${disk}:${part} ${kernel_addr_r} 0 ${blocks}; then
+        setenv failure damaged;
+        if hash -v sha256 ${kernel_addr_r} ${length} *${seal}; then setenv failure; fi;
+    fi;
+fi'
+
+setenv start_slot '
+setenv failure kernel-refused;
+setenv initrd -;
+setenv fdt ${fdtcontroladdr};
+part uuid ${disk}:${part} partuuid;
+setenv bootargs root=PARTUUID=${partuuid} ro rootfstype=squashfs rootwait panic=5 console=${console} odid.slot=${try};
+if test -n "${fallback}"; then setenv bootargs ${bootargs} odid.fallback=${fallback}; fi;
+if test -e ${disk}:${part} /boot/initrd; then
+    load ${disk}:${part} ${ramdisk_addr_r} /boot/initrd;
+    setenv initrd ${ramdisk_addr_r}:${filesize};
+fi;
+if test -e ${disk}:${part} /boot/board.dtb; then
+    load ${disk}:${part} ${fdt_addr_r} /boot/board.dtb;
+    setenv fdt ${fdt_addr_r};
+fi;
+load ${disk}:${part} ${kernel_addr_r} /boot/Image && booti ${kernel_addr_r} ${initrd} ${fdt}'
+
+# Comes back only when the slot can't be started.
+setenv try_slot '
+if test ${try} = a; then setenv part 6; else setenv part 7; fi;
+run check_slot;
+if test -z "${failure}"; then run start_slot; fi;
+echo "boot: slot ${try}: ${failure}";
+if test -n "${fallback}"; then setenv fallback ${fallback},; fi;
+setenv fallback ${fallback}slot-${try}-${failure}'
+
+setenv try ${first}
+run try_slot
+if test ${first} = a; then setenv try b; else setenv try a; fi
+run try_slot
+
+echo "boot: neither slot can be started, trying again in 10 s"
+sleep 10
+reset

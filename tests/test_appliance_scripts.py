@@ -1,0 +1,355 @@
+"""The appliance's scripts (overlay/) on this machine: each runs in a root of its own, with BusyBox and
+with programs that only note how they were called. What needs a whole machine is in tests/bench.
+"""
+
+import os
+import re
+import shutil
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+OVERLAY = ROOT / "overlay"
+BUSYBOX = shutil.which("busybox")
+SETTINGS = {
+    "autopilot.device": "auto", "autopilot.baud": "921600", "broadcast.wifi_iface": "wlan0", "wifi.country": "SE",
+    "wifi.channel": "6", "mavlink.udp_port": "14550", "ground_station.address": "",
+    "broadcast.wifi_beacon_enabled": "true",
+}
+ODIDCTL = """#!/bin/sh
+case $1 in
+get) sed -n "s/^$2=//p" /settings ;;
+status) cat /status.json ;;
+esac
+"""
+NOTES = """#!/bin/sh
+echo "${0##*/} $*" >>/calls
+echo OK
+"""
+NOTED = ("sv", "nft", "hostapd_cli", "ip")
+KEY = "7" * 64
+
+pytestmark = [
+    pytest.mark.skipif(os.geteuid() != 0, reason="a root of its own needs root"),
+    pytest.mark.skipif(BUSYBOX is None, reason="busybox isn't installed (Debian: busybox-static)"),
+]
+
+
+class Appliance:
+    """A bare root with the overlay, and its scripts run in it."""
+
+    def __init__(self, root):
+        self.root = root
+        for folder in ("bin", "data/odid", "data/secrets", "dev", "proc", "run/faults", "run/odid-appliance", "run/pid",
+                       "sys/class/tty", "usr/bin"):
+            (root / folder).mkdir(parents=True)
+        shutil.copy(BUSYBOX, root / "bin/busybox")
+        shutil.copytree(OVERLAY, root, symlinks=True, dirs_exist_ok=True)
+        for name, number in (("null", 3), ("zero", 5), ("urandom", 9)):
+            os.mknod(root / "dev" / name, 0o20666, os.makedev(1, number))
+        for name, text in {"odidctl": ODIDCTL, **dict.fromkeys(NOTED, NOTES)}.items():
+            (root / "usr/bin" / name).write_text(text)
+            (root / "usr/bin" / name).chmod(0o755)
+        self.settings()
+        self.run("/bin/busybox --install -s /bin", shell="/bin/busybox")
+
+    def settings(self, **changed):
+        """wifi__channel="11" for wifi.channel."""
+        values = SETTINGS | {name.replace("__", "."): value for name, value in changed.items()}
+        self.write("settings", "".join(f"{name}={value}\n" for name, value in values.items()))
+
+    def write(self, path, text):
+        (self.root / path).parent.mkdir(parents=True, exist_ok=True)
+        (self.root / path).write_text(text)
+
+    def read(self, path):
+        return (self.root / path).read_text()
+
+    def exists(self, path):
+        return (self.root / path).exists()
+
+    def words(self, command, shell="/bin/sh"):
+        inside = f'mount --bind /proc "$0/proc" && exec chroot "$0" {shell} {"sh " if "busybox" in shell else ""}-c "$1"'
+        return ["unshare", "--mount", "sh", "-c", inside, str(self.root), f"PATH=/usr/bin:/bin; {command}"]
+
+    def run(self, command, shell="/bin/sh"):
+        return subprocess.run(self.words(command, shell), capture_output=True, text=True, timeout=30)
+
+    def must(self, command):
+        result = self.run(command)
+        assert result.returncode == 0, result.stdout + result.stderr
+        return result.stdout
+
+    def calls(self):
+        return self.read("calls").splitlines() if self.exists("calls") else []
+
+    def fault(self, name):
+        return self.read(f"run/faults/{name}") if self.exists(f"run/faults/{name}") else None
+
+    def port(self, tty, where, interface, number=None, **device):
+        """A USB serial port as sysfs shows it; device: idVendor, idProduct, manufacturer, product, serial."""
+        usb = self.root / "sys/devices" / where
+        inner = usb / f"{where}:1.{interface}" / (tty if number is not None else "")
+        (inner / "tty" / tty).mkdir(parents=True)
+        for name, value in device.items():
+            (usb / name).write_text(value + "\n")
+        (usb / f"{where}:1.{interface}/bInterfaceNumber").write_text(f"{interface:02}\n")
+        if number is not None:
+            (inner / "port_number").write_text(f"{number}\n")
+        (inner / "tty" / tty / "device").symlink_to("../..")
+        classes = self.root / "sys/class/tty"
+        (classes / tty).symlink_to(os.path.relpath(inner / "tty" / tty, classes))
+        os.mknod(self.root / "dev" / tty, 0o20660, os.makedev(1, 3))
+
+
+@pytest.fixture
+def appliance(tmp_path):
+    return Appliance(tmp_path / "root")
+
+
+def test_each_service_is_supervised_and_each_supervised_one_exists():
+    started = re.findall(r"^::respawn:/usr/bin/runsv /run/service/(\S+)$", (OVERLAY / "etc/inittab").read_text(), re.M)
+    services = {path.name for path in (OVERLAY / "etc/sv").iterdir()}
+    assert sorted(started) == sorted(services)
+    for name in services:
+        run = OVERLAY / "etc/sv" / name / "run"
+        assert os.access(run, os.X_OK), run
+        assert re.search(rf"^take_over {name}$", run.read_text(), re.M), f"{run}: who ends its orphan?"
+        assert os.readlink(OVERLAY / "etc/sv" / name / "finish") == "/lib/odid/finish"
+
+
+# --- the autopilot's port ---------------------------------------------------------
+
+FTDI = {"idVendor": "0403", "idProduct": "6001", "manufacturer": "FTDI", "product": "FT232R USB UART", "serial": "A50285BI"}
+PIXHAWK = {"idVendor": "1209", "idProduct": "5741", "manufacturer": "ArduPilot", "product": "Pixhawk (1)", "serial": "3E 00"}
+
+
+@pytest.fixture
+def two_autopilots(appliance):
+    appliance.port("ttyACM1", "1-1", 0, **PIXHAWK)
+    appliance.port("ttyACM0", "1-1", 2, **PIXHAWK)  # the second interface, with the lower number
+    appliance.port("ttyUSB0", "1-2", 0, 0, **FTDI)
+    return appliance
+
+
+@pytest.mark.parametrize("wanted, port", [
+    ("auto", "/dev/ttyACM1"),
+    ("usb:0403:6001", "/dev/ttyUSB0"),
+    ("usb:1209:5741", "/dev/ttyACM1"),
+    ("/dev/serial/by-id/usb-ArduPilot_Pixhawk__1__3E_00-if02", "/dev/ttyACM0"),
+    ("/dev/serial/by-id/usb-FTDI_FT232R_USB_UART_A50285BI-if00-port0", "/dev/ttyUSB0"),
+    ("/dev/ttyUSB0", "/dev/ttyUSB0"),
+])
+def test_the_port_is_found(two_autopilots, wanted, port):
+    two_autopilots.settings(autopilot__device=wanted)
+    assert two_autopilots.must("/lib/odid/autopilot-port") == port + "\n"
+
+
+@pytest.mark.parametrize("wanted", ["usb:26ac:0011", "/dev/ttyAMA3", "/dev/serial/by-id/usb-Other-if00"])
+def test_a_port_that_is_not_there_is_not_replaced_by_another(two_autopilots, wanted):
+    two_autopilots.settings(autopilot__device=wanted)
+    result = two_autopilots.run("/lib/odid/autopilot-port")
+    assert (result.returncode, result.stdout) == (1, "")
+
+
+def test_links_of_ports_that_went_are_removed(two_autopilots):
+    two_autopilots.must("/lib/odid/autopilot-port")
+    assert len(os.listdir(two_autopilots.root / "dev/serial/by-id")) == 3
+    (two_autopilots.root / "sys/class/tty/ttyUSB0").unlink()
+    (two_autopilots.root / "dev/ttyUSB0").unlink()
+    two_autopilots.must("/lib/odid/autopilot-port")
+    assert not any("FTDI" in name for name in os.listdir(two_autopilots.root / "dev/serial/by-id"))
+
+
+# --- configurations made at start ---------------------------------------------------
+
+
+def sections(text):
+    """{section: {key: value}} of mavlink-router's configuration."""
+    found = {}
+    for line in text.splitlines():
+        if line.startswith("["):
+            current = found.setdefault(line.strip("[]"), {})
+        else:
+            key, value = line.split(" = ")
+            current[key] = value
+    return found
+
+
+@pytest.mark.parametrize("address, endpoint", [
+    ("", None), ("10.0.0.9", ("10.0.0.9", "14550")), ("10.0.0.9:14551", ("10.0.0.9", "14551")),
+])
+def test_mavlink_router(appliance, address, endpoint):
+    appliance.settings(ground_station__address=address)
+    made = sections(appliance.must("/lib/odid/mavlink-router-config /dev/ttyACM1"))
+    assert made["General"]["TcpServerPort"] == "0"
+    assert made["General"]["SnifferSysid"] == "1"
+    assert made["UartEndpoint autopilot"] == {"Device": "/dev/ttyACM1", "Baud": "921600", "FlowControl": "false"}
+    assert made["UdpEndpoint daemon"] == {"Mode": "Normal", "Address": "127.0.0.1", "Port": "14550"}
+    station = made.get("UdpEndpoint ground_station")
+    assert (station and (station["Address"], station["Port"])) == endpoint
+    assert "@" not in str(made)
+
+
+def hostapd(appliance):
+    appliance.must("/lib/odid/hostapd-config /run/hostapd.conf")
+    lines = appliance.read("run/hostapd.conf").splitlines()
+    return dict(line.split("=", 1) for line in lines), appliance.read("run/hostapd.psk").split()[1]
+
+
+def test_the_access_point_is_closed(appliance):
+    appliance.write("data/secrets/wifi_ssid", "RemoteID-1234\n")
+    appliance.write("data/secrets/maintenance.psk", KEY + "\n")
+    made, key = hostapd(appliance)
+    assert made["max_num_sta"] == "0" and made["wpa"] == "2" and made["rsn_pairwise"] == "CCMP"
+    assert (made["channel"], made["beacon_int"], made["country_code"], made["ssid"]) == ("6", "100", "SE", "RemoteID-1234")
+    assert "vendor_elements" not in made and "@" not in str(made)
+    assert re.fullmatch("[0-9a-f]{64}", key) and key != KEY
+    assert hostapd(appliance)[1] != key, "the random key is the same each time"
+    assert (appliance.root / "run/hostapd.psk").stat().st_mode & 0o777 == 0o600
+
+
+def test_wifi_switched_off_has_no_configuration(appliance):
+    hostapd(appliance)
+    appliance.settings(broadcast__wifi_beacon_enabled="false")
+    appliance.must("/lib/odid/hostapd-config /run/hostapd.conf")
+    assert not appliance.exists("run/hostapd.conf")
+
+
+def test_a_hostapd_started_in_maintenance_is_open(appliance):
+    appliance.write("data/secrets/maintenance.psk", KEY + "\n")
+    appliance.write("run/odid-appliance/maintenance", "on\n")
+    made, key = hostapd(appliance)
+    assert (made["max_num_sta"], key) == ("4", KEY)
+
+
+# --- maintenance --------------------------------------------------------------------
+
+
+def test_maintenance_without_a_password_stays_closed_and_says_why(appliance):
+    assert appliance.run("/lib/odid/maintenance on").returncode == 1
+    assert "password" in appliance.fault("maintenance")
+    assert appliance.calls() == []
+    assert appliance.read("run/odid-appliance/maintenance") == "off\n"
+
+
+def test_maintenance_opens_and_closes_without_a_restart(appliance):
+    appliance.write("data/secrets/maintenance.psk", KEY + "\n")
+    appliance.must("/lib/odid/maintenance on")
+    opened = appliance.calls()
+    assert appliance.read("run/hostapd.psk") == f"00:00:00:00:00:00 {KEY}\n"
+    appliance.must("/lib/odid/maintenance off")
+    closed = appliance.calls()[len(opened):]
+    assert KEY not in appliance.read("run/hostapd.psk")
+    cli = "hostapd_cli -p /run/hostapd -i wlan0 raw "
+    assert [call for call in opened if call.startswith("hostapd_cli")] == [cli + "RELOAD_WPA_PSK", cli + "SET max_num_sta 4"]
+    assert [call for call in closed if call.startswith("hostapd_cli")] == [
+        cli + "SET max_num_sta 0", cli + "RELOAD_WPA_PSK", cli + "DEAUTHENTICATE ff:ff:ff:ff:ff:ff"]
+    assert 'nft add element inet odid maintenance { "wlan0" }' in opened and "sv up udhcpd" in opened
+    assert "nft flush set inet odid maintenance" in closed and "sv down udhcpd" in closed
+    assert not any("hostapd" in call for call in appliance.calls() if call.startswith("sv "))
+
+
+@pytest.mark.parametrize("heard, armed", [
+    ([None], False),                            # never heard
+    (["false"], False),
+    (["true"], True),
+    (["true", "null"], True),                   # lost after arming: it flies on
+    (["true", None], True),                     # the daemon gives no answer
+    (["true", "null", "false"], False),
+    (["false", "null"], False),
+])
+def test_armed_is_what_was_heard_last(appliance, heard, armed):
+    for word in heard:
+        appliance.write("status.json", "" if word is None else f'{{\n  "vehicle": 1,\n  "armed": {word}\n}}\n')
+        result = appliance.run("/lib/odid/armed")
+    assert (result.returncode == 0) == armed
+
+
+def test_another_vehicle_than_1_is_told_to_mavlink_router_but_not_in_flight(appliance):
+    appliance.write("status.json", '{ "vehicle": 7, "armed": true }')
+    appliance.must("/lib/odid/armed")
+    assert appliance.read("data/odid/vehicle") == "7\n" and appliance.calls() == []
+    appliance.write("status.json", '{ "vehicle": 8, "armed": false }')
+    appliance.run("/lib/odid/armed")
+    assert appliance.calls() == ["sv term mavlink-router"]
+    made = sections(appliance.must("/lib/odid/mavlink-router-config /dev/ttyACM0"))
+    assert made["General"]["SnifferSysid"] == "8"
+
+
+# --- services -----------------------------------------------------------------------
+
+
+def ended(appliance, code, signal, times):
+    """What finish does after a service ended so often; without its pauses."""
+    appliance.write("usr/bin/pause", NOTES)
+    (appliance.root / "usr/bin/pause").chmod(0o755)
+    finish = appliance.root / "lib/odid/finish"
+    finish.write_text(finish.read_text().replace("sleep", "pause"))
+    (appliance.root / "run/service/test").mkdir(parents=True, exist_ok=True)
+    for _ in range(times):
+        appliance.must(f"cd /run/service/test && /lib/odid/finish {code} {signal} 2>/dev/null")
+    time.sleep(0.3)
+    return [int(call.split()[1]) for call in appliance.calls() if call.startswith("pause")]
+
+
+def test_an_orderly_end_is_no_fault(appliance):
+    assert ended(appliance, 0, 0, 6) == [] and ended(appliance, -1, 15, 6) == []
+    assert not os.listdir(appliance.root / "run/faults")
+
+
+def test_one_that_keeps_failing_is_a_fault_and_started_less_often(appliance):
+    assert ended(appliance, 1, 0, 3) == [], "a first failure is not waited for"
+    assert appliance.fault("test") is None
+    pauses = ended(appliance, 1, 0, 6)
+    # 15 s are not its own, but those after which the fault would be over.
+    assert [pause for pause in pauses if pause != 15] == [1, 2, 3, 4, 5, 5]
+
+
+def test_an_orphan_is_taken_over_and_a_stranger_with_its_number_is_not(appliance):
+    take_over = ". /lib/odid/functions && take_over test"
+    orphan = subprocess.Popen(appliance.words(f"{take_over}; exec sleep 100"))
+    try:
+        deadline = time.monotonic() + 10
+        while not appliance.exists("run/pid/test") and time.monotonic() < deadline:
+            time.sleep(0.05)
+        pid, started = appliance.read("run/pid/test").split()
+        assert int(pid) == orphan.pid
+        appliance.write("run/pid/test", f"{pid} {int(started) + 1}\n")
+        appliance.must(take_over)
+        assert appliance.read("run/pid/test").split()[0] != pid, "a stranger was taken for the orphan"
+        appliance.write("run/pid/test", f"{pid} {started}\n")
+        monitor = subprocess.Popen(appliance.words(f"{take_over}; echo a second one >>/calls"))
+        time.sleep(0.5)
+        assert monitor.poll() is None and orphan.poll() is None
+        monitor.terminate()  # what sv term does
+        assert orphan.wait(10) == -15
+        assert monitor.wait(10) == 0 and appliance.calls() == []
+    finally:
+        orphan.kill()
+        orphan.wait()
+
+
+@pytest.mark.parametrize("comes, told", [("false", "d"), ("true", "du")])
+def test_a_device_that_comes_meanwhile_is_not_missed(appliance, comes, told):
+    appliance.write("run/service/test/supervise/control", "")
+    control = appliance.root / "run/service/test/supervise/control"
+    control.unlink()
+    os.mkfifo(control)
+    reader = os.open(control, os.O_RDWR | os.O_NONBLOCK)
+    try:
+        appliance.must(f". /lib/odid/functions && cd /run/service/test && wait_for {comes}")
+        assert os.read(reader, 10).decode() == told
+    finally:
+        os.close(reader)
+
+
+def test_a_fault_is_one_sentence_until_it_is_over(appliance):
+    appliance.must(". /lib/odid/functions && fault data 'The disk is gone.'")
+    assert appliance.fault("data") == "The disk is gone.\n"
+    assert os.listdir(appliance.root / "run/faults") == ["data"]
+    appliance.must(". /lib/odid/functions && fault_over data && fault_over data")
+    assert appliance.fault("data") is None
