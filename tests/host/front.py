@@ -1,8 +1,10 @@
 """A MODEL of the Bluetooth chip's host side: rootcanal behind a pty, as this or that controller.
 
 The daemon opens the pty (`h4:<path>`); H4 packets go through to rootcanal, whose link layer and air
-they are. That it answers 0x0C to a legacy command after an extended one is rootcanal's own doing.
-What is ours: the pty, the log of payloads that were set, and being a lesser or a broken chip:
+they are. With --listen there is a TCP port instead, for the serial line of an emulated machine: each
+connection is a power-on, with a fresh controller. That it answers 0x0C to a legacy command after an
+extended one is rootcanal's own doing. What is ours: the pty, the log of payloads that were set, and
+being a lesser or a broken chip:
 
   full       everything rootcanal can: 20 ms, extended advertising, Coded PHY
   legacy20   no extended advertising in the features; extended commands are unknown
@@ -13,7 +15,8 @@ Orders, one a line on standard input, each answered by "done" or "error: ...":
                      packet type) on the same controller; its Command Complete goes up to the daemon,
                      as the kernel shows it to every raw socket
   mute | unmute      a controller that hangs: nothing passes; its radio goes on
-  unplug | plug      the pty vanishes; a new one comes, with a fresh controller
+  unplug | plug      the pty vanishes; a new one comes, with a fresh controller. (--listen: the
+                     connection stays, as a UART's wires do, and nobody answers in between)
   refuse OPCODE ST   answers the next such command with this status (both hexadecimal)
 """
 
@@ -107,48 +110,32 @@ class SetLog:
 
 
 class Front:
-    def __init__(self, path, port, mode, set_log):
-        self.path, self.port, self.mode = path, port, mode
+    """Between a host and rootcanal; master is the descriptor that leads to the host."""
+
+    def __init__(self, port, mode, set_log):
+        self.port, self.mode = port, mode
         self.set_log = SetLog(set_log)
         self.muted = False
         self.refusals = {}  # opcode -> status, once each
         self.selector = selectors.DefaultSelector()
-        self.master = None
+        self.master = self.controller = None
         self.orders = b""
         self.selector.register(sys.stdin.fileno(), selectors.EVENT_READ, self.on_order)
-        self.plug()
 
-    # --- the two ends -------------------------------------------------------
+    # --- the air's end --------------------------------------------------------
 
-    def plug(self):
-        if self.master is not None:
-            raise ValueError("it is plugged in")
+    def connect(self):
+        """A fresh controller."""
         self.controller = socket.create_connection(("127.0.0.1", self.port))
         self.controller.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self.set_log.clear()
         self.down, self.up = Packets(), Packets()
-        # Our own end of the slave stays open: the daemon may close and open it again unnoticed, as
-        # with a UART.
-        self.master, self.slave = os.openpty()
-        tty.setraw(self.slave)
-        os.fchmod(self.slave, 0o666)  # whatever user the daemon becomes
-        os.set_blocking(self.master, False)
-        self.selector.register(self.master, selectors.EVENT_READ, self.on_host)
         self.selector.register(self.controller, selectors.EVENT_READ, self.on_controller)
-        fresh = self.path + ".new"
-        os.symlink(os.ttyname(self.slave), fresh)
-        os.replace(fresh, self.path)
 
-    def unplug(self):
-        if self.master is None:
-            raise ValueError("it isn't plugged in")
-        os.unlink(self.path)
-        self.selector.unregister(self.master)
+    def disconnect(self):
         self.selector.unregister(self.controller)
-        os.close(self.master)
-        os.close(self.slave)
         self.controller.close()
-        self.master = None
+        self.controller = None
 
     def to_host(self, packet):
         if self.muted or self.master is None:
@@ -187,6 +174,9 @@ class Front:
             data = os.read(self.master, 4096)
         except BlockingIOError:
             return
+        self.from_host(data)
+
+    def from_host(self, data):
         for packet in self.down.feed(data):
             if self.muted:
                 continue
@@ -226,7 +216,7 @@ class Front:
         command = bytes.fromhex(text)
         if len(command) < 3 or command[2] != len(command) - 3:
             raise ValueError("expected opcode (2 octets, little-endian), length, parameters")
-        if self.master is None:
+        if self.controller is None:
             raise ValueError("the controller is unplugged")
         self.set_log.command(command[0] | command[1] << 8, command[3:])
         self.controller.sendall(bytes([COMMAND]) + command)
@@ -267,15 +257,119 @@ class Front:
                     key.data()
 
 
+class PtyFront(Front):
+    """Its host is the daemon itself, on this machine."""
+
+    def __init__(self, path, *others):
+        super().__init__(*others)
+        self.path = path
+        self.plug()
+
+    def plug(self):
+        if self.master is not None:
+            raise ValueError("it is plugged in")
+        self.connect()
+        # Our own end of the slave stays open: the daemon may close and open it again unnoticed, as
+        # with a UART.
+        self.master, self.slave = os.openpty()
+        tty.setraw(self.slave)
+        os.fchmod(self.slave, 0o666)  # whatever user the daemon becomes
+        os.set_blocking(self.master, False)
+        self.selector.register(self.master, selectors.EVENT_READ, self.on_host)
+        fresh = self.path + ".new"
+        os.symlink(os.ttyname(self.slave), fresh)
+        os.replace(fresh, self.path)
+
+    def unplug(self):
+        if self.master is None:
+            raise ValueError("it isn't plugged in")
+        os.unlink(self.path)
+        self.selector.unregister(self.master)
+        os.close(self.master)
+        os.close(self.slave)
+        self.master = None
+        self.disconnect()
+
+
+class TcpFront(Front):
+    """Its host is an emulated machine's serial line. The line may come before and go after a driver
+    that speaks H4 on it, so what is no H4 is noise."""
+
+    def __init__(self, listen_port, *others):
+        super().__init__(*others)
+        self.listener = socket.create_server(("127.0.0.1", listen_port))
+        self.selector.register(self.listener, selectors.EVENT_READ, self.on_machine)
+
+    def on_machine(self):
+        line, _ = self.listener.accept()
+        if self.master is not None:
+            line.close()
+            print("a second machine was turned away", file=sys.stderr, flush=True)
+            return
+        line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        line.setblocking(False)
+        self.line, self.master = line, line.fileno()
+        self.muted = False
+        self.connect()
+        self.selector.register(self.master, selectors.EVENT_READ, self.on_host)
+
+    def plug(self):
+        if self.controller is not None:
+            raise ValueError("it is plugged in")
+        if self.master is None:
+            raise ValueError("no machine is connected")
+        self.connect()
+
+    def unplug(self):
+        if self.controller is None:
+            raise ValueError("it isn't plugged in")
+        self.disconnect()
+
+    def machine_gone(self):
+        self.selector.unregister(self.master)
+        self.line.close()
+        self.master = None
+        if self.controller is not None:
+            self.disconnect()
+
+    def to_host(self, packet):
+        try:
+            super().to_host(packet)
+        except ConnectionError:
+            self.machine_gone()
+
+    def from_host(self, data):
+        if not data:
+            self.machine_gone()
+        elif self.controller is not None:
+            try:
+                super().from_host(data)
+            except ValueError as error:
+                print(f"from the machine: {error}: dropped {data.hex()}", file=sys.stderr, flush=True)
+                self.down = Packets()
+
+    def on_host(self):
+        try:
+            super().on_host()
+        except ConnectionError:
+            self.machine_gone()
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--pty", required=True, help="where the link to the pty is put")
+    host = parser.add_mutually_exclusive_group(required=True)
+    host.add_argument("--pty", help="where the link to the pty is put")
+    host.add_argument("--listen", type=int, metavar="PORT", help="TCP port for an emulated machine's serial line")
     parser.add_argument("--hci-port", type=int, required=True, help="rootcanal's HCI port")
     parser.add_argument("--mode", choices=MODES, default="full")
     parser.add_argument("--set-log", help="JSON lines of the payloads that were set")
     arguments = parser.parse_args()
     try:
-        Front(arguments.pty, arguments.hci_port, arguments.mode, arguments.set_log).run()
+        others = arguments.hci_port, arguments.mode, arguments.set_log
+        if arguments.pty:
+            PtyFront(arguments.pty, *others).run()
+        else:
+            TcpFront(arguments.listen, *others).run()
     except KeyboardInterrupt:
         sys.exit(130)
 

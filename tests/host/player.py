@@ -1,7 +1,8 @@
 """Plays a telemetry log (.tlog) at real speed, byte for byte, and keeps what comes back.
 
 `--to udp:ADDRESS:PORT` sends datagrams, `serial:PATH` writes to a device, `pty:PATH` makes a pty
-with a link at that path. At the log's end it stops sending and stays, until it is ended.
+with a link at that path, `unix:PATH` connects to a UNIX socket, which is the serial line of an
+emulated machine. At the log's end it stops sending and stays, until it is ended.
 
 Orders, one a line on standard input, each answered by "done" or "error: ...":
   pause | resume     an autopilot that falls silent; the log's time goes on meanwhile
@@ -50,6 +51,37 @@ class Udp:
             return self._socket.recv(65536)
         except (ConnectionRefusedError, BlockingIOError):
             return b""
+
+
+class Unix:
+    """An emulated serial line. Little is in flight in it: what the machine doesn't read in time is
+    lost, as on a wire."""
+
+    IN_FLIGHT = 4096
+
+    def __init__(self, path):
+        self._socket = socket.socket(socket.AF_UNIX)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, self.IN_FLIGHT)
+        self._socket.connect(path)
+        self._socket.setblocking(False)
+
+    def fileno(self):
+        return self._socket.fileno()
+
+    def send(self, frame):
+        try:
+            return self._socket.send(frame) == len(frame)
+        except BlockingIOError:
+            return False  # nobody reads, and the line is full
+
+    def receive(self):
+        try:
+            data = self._socket.recv(65536)
+        except BlockingIOError:
+            return b""
+        if not data:
+            raise ConnectionError("the machine has ended")
+        return data
 
 
 class Serial:
@@ -115,7 +147,9 @@ def open_end(text):
         return Udp(address, int(port))
     if kind in ("serial", "pty") and rest:
         return Serial(rest, make=kind == "pty")
-    raise ValueError(f"{text!r}: expected udp:ADDRESS:PORT, serial:PATH or pty:PATH")
+    if kind == "unix" and rest:
+        return Unix(rest)
+    raise ValueError(f"{text!r}: expected udp:ADDRESS:PORT, serial:PATH, pty:PATH or unix:PATH")
 
 
 def prepare(path, start_s, seconds):
@@ -212,7 +246,7 @@ class Player:
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("log", type=Path)
-    parser.add_argument("--to", required=True, help="udp:ADDRESS:PORT, serial:PATH or pty:PATH")
+    parser.add_argument("--to", required=True, help="udp:ADDRESS:PORT, serial:PATH, pty:PATH or unix:PATH")
     parser.add_argument("--start", type=float, default=0.0, help="seconds into the log")
     parser.add_argument("--seconds", type=float, help="how much of it")
     parser.add_argument("--played", help="JSON lines of what was sent")
@@ -228,6 +262,9 @@ def main():
         Player(prepared, end, arguments.played, arguments.answers).run()
     except KeyboardInterrupt:
         return 130
+    except ConnectionError as error:
+        print(f"player: {arguments.to}: {error}", file=sys.stderr)
+        return 1
     return 0
 
 

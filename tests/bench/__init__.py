@@ -1,0 +1,1 @@
+"""The appliance in an emulated machine, judged from outside: see README.md."""

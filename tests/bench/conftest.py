@@ -1,0 +1,63 @@
+"""Booted appliances for tests. What they are made of: README.md."""
+
+import time
+
+import pytest
+from host import parts
+
+from . import flights, runs
+from .machine import Machine, configuration, missing
+
+PASSWORD = "a-test-password"
+GROUND = configuration(maintenance={"password": PASSWORD})
+
+
+@pytest.fixture(scope="session", autouse=True)
+def machine_possible():
+    reason = missing()
+    if reason:
+        pytest.skip(reason)
+
+
+def started(folder, **options):
+    machine = Machine(parts.ROOT / "build/system" / folder, **options)
+    try:
+        machine.power_on()
+        machine.wait_on_air()
+    except BaseException:
+        machine.close()
+        raise
+    return machine
+
+
+@pytest.fixture(scope="session")
+def flying():
+    """An appliance in a moving flight, all channels on the air, nothing wrong."""
+    machine = started("flying")
+    machine.play(flights.generate(machine.folder / "flight.tlog", 600))
+    machine.wait_on_air(position=True, timeout_s=60)
+    time.sleep(runs.SETTLE_S)
+    yield machine
+    machine.close()
+
+
+@pytest.fixture(scope="session")
+def grounded():
+    """An appliance whose autopilot was never heard: it counts as disarmed. Its maintenance has a password."""
+    machine = started("grounded", config={"odid.conf": GROUND})
+    yield machine
+    machine.close()
+
+
+@pytest.fixture
+def make_machine():
+    """Machines of a test's own, switched off; they end with the test."""
+    made = []
+
+    def make(name, **options):
+        made.append(Machine(parts.ROOT / "build/system" / name, **options))
+        return made[-1]
+
+    yield make
+    for machine in made:
+        machine.close()

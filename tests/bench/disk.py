@@ -1,0 +1,94 @@
+"""The appliance's disk for one run: a copy-on-write layer over the built image."""
+
+import json
+import os
+import subprocess
+import tempfile
+from contextlib import contextmanager
+from pathlib import Path
+
+from host import parts
+
+APPLIANCE = parts.ROOT / "build/appliance"
+IMAGE = Path(os.environ.get("IMAGE") or APPLIANCE / "disk.img")
+LOADER = APPLIANCE / "u-boot.bin"
+SECTOR = 512
+BOOT, CONFIG, ENV, SLOT_A, SLOT_B, DATA = 1, 2, 5, 6, 7, 8
+
+
+def call(*words, **options):
+    """Runs a program; its output, or a RuntimeError with it."""
+    result = subprocess.run([str(word) for word in words], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                            stdin=subprocess.DEVNULL, text=True, **options)
+    if result.returncode:
+        raise RuntimeError(f"{words[0]} ended with {result.returncode}: {result.stdout.strip()}")
+    return result.stdout
+
+
+class Disk:
+    """Changed only while no machine has it."""
+
+    def __init__(self, path, image=IMAGE):
+        self.path, self.image = Path(path), Path(image).resolve()
+        if not self.image.exists():
+            raise FileNotFoundError(f"{self.image} isn't built: make appliance")
+        self.path.unlink(missing_ok=True)
+        call("qemu-img", "create", "-q", "-f", "qcow2", "-F", "raw", "-b", self.image, self.path)
+
+    def _place(self, number):
+        """Offset and size of a partition, in octets."""
+        table = json.loads(call("sfdisk", "--json", self.image))["partitiontable"]
+        for entry in table["partitions"]:
+            if entry["node"] == f"{self.image}{number}":
+                return entry["start"] * SECTOR, entry["size"] * SECTOR
+        raise ValueError(f"{self.image}: no partition {number}")
+
+    def _options(self, number):
+        offset, size = self._place(number)
+        return (f"driver=raw,offset={offset},size={size},file.driver=qcow2,"
+                f"file.file.driver=file,file.file.filename={self.path}")
+
+    def read(self, number, out):
+        """Copies a partition to a file."""
+        call("qemu-img", "convert", "-O", "raw", "--image-opts", self._options(number), out)
+
+    def write(self, number, source):
+        """Copies a file of the partition's size to a partition."""
+        call("qemu-img", "convert", "-n", "-f", "raw", "--target-image-opts", source, self._options(number))
+
+    def fill(self, number, octet):
+        """Overwrites a partition from end to end."""
+        offset, size = self._place(number)
+        call("qemu-io", "-f", "qcow2", "-c", f"write -P {octet:#x} {offset} {size}", self.path)
+
+    def forget_partition(self, number):
+        """Takes a partition out of the table: the disk has none of that number any more."""
+        with self._whole() as raw:
+            call("sfdisk", "--quiet", "--no-reread", "--no-tell-kernel", "--delete", raw, number)
+
+    @contextmanager
+    def _whole(self):
+        with tempfile.NamedTemporaryFile(dir=self.path.parent) as raw:
+            call("qemu-img", "convert", "-f", "qcow2", "-O", "raw", self.path, raw.name)
+            yield raw.name
+            call("qemu-img", "convert", "-n", "-f", "raw", "-O", "qcow2", raw.name, self.path)
+
+    def put_config(self, files):
+        """Puts files on the CONFIG volume, as a technician does with a card reader."""
+        with tempfile.TemporaryDirectory(dir=self.path.parent) as folder:
+            volume, source = Path(folder, "volume"), Path(folder, "file")
+            self.read(CONFIG, volume)
+            for name, content in files.items():
+                source.write_bytes(content if isinstance(content, bytes) else content.encode())
+                call("mcopy", "-o", "-i", volume, source, f"::{name}")
+            self.write(CONFIG, volume)
+
+    def read_config(self, name):
+        """A file of the CONFIG volume, None when there is none."""
+        with tempfile.TemporaryDirectory(dir=self.path.parent) as folder:
+            volume, target = Path(folder, "volume"), Path(folder, "file")
+            self.read(CONFIG, volume)
+            if name not in call("mdir", "-b", "-i", volume, "::").replace("::/", "").split("\n"):
+                return None
+            call("mcopy", "-n", "-i", volume, f"::{name}", target)
+            return target.read_bytes()

@@ -1,0 +1,296 @@
+/* relay: stands in for mavlink-router in the bench, under its name and with its configuration file.
+ *
+ *     mavlink-routerd [-c FILE] [DEVICE[:BAUD]]
+ *
+ * One serial endpoint, up to eight UDP endpoints. What comes in by one goes out by all others, one
+ * MAVLink frame a datagram. It routes nothing by system id. It ends, with 1, when the serial port
+ * hangs up or vanishes. Sections and keys it knows: [General] (TcpServerPort has to be 0 or absent,
+ * the rest is passed over), [UartEndpoint x] Device, Baud; [UdpEndpoint x] Mode, Address, Port;
+ * other keys of endpoints are passed over, other sections are refused. */
+
+#include <arpa/inet.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <poll.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+#include <sys/socket.h>
+#include <termios.h>
+#include <unistd.h>
+
+#define MAX_UDP 8
+#define BUFFER 4096
+
+struct udp {
+    char name[64];
+    bool server; /* waits for a peer, and answers the last one that spoke */
+    char address[64];
+    int port;
+    int fd;
+    struct sockaddr_in peer; /* sin_port 0: none yet */
+};
+
+static char device[256];
+static int baud = 57600;
+static int uart = -1;
+static struct udp udps[MAX_UDP];
+static int udp_count;
+
+static void die(const char *what, const char *why)
+{
+    fprintf(stderr, "mavlink-routerd (relay): %s: %s\n", what, why);
+    exit(1);
+}
+
+/* --- Configuration ---------------------------------------------------------- */
+
+static char *trim(char *text)
+{
+    text += strspn(text, " \t");
+    size_t length = strlen(text);
+    while (length > 0 && strchr(" \t\r\n", text[length - 1]))
+        text[--length] = '\0';
+    return text;
+}
+
+static void copy(char *to, size_t size, const char *from)
+{
+    if ((size_t)snprintf(to, size, "%s", from) >= size)
+        die(from, "too long");
+}
+
+static int number(const char *text, int min, int max)
+{
+    char *end;
+    long value = strtol(text, &end, 10);
+    if (end == text || (*end && *end != ',') || value < min || value > max)
+        die(text, "not a number, or out of its range");
+    return (int)value;
+}
+
+enum section { GENERAL, UART, UDP };
+
+static enum section open_section(char *name)
+{
+    if (strcasecmp(name, "General") == 0)
+        return GENERAL;
+    if (strncasecmp(name, "UartEndpoint", 12) == 0)
+        return UART;
+    if (strncasecmp(name, "UdpEndpoint", 11) != 0)
+        die(name, "a section that the relay doesn't know");
+    if (udp_count == MAX_UDP)
+        die(name, "too many UDP endpoints");
+    copy(udps[udp_count++].name, sizeof(udps[0].name), trim(name + 11));
+    return UDP;
+}
+
+static void set_key(enum section section, const char *key, const char *value)
+{
+    struct udp *udp = udp_count ? &udps[udp_count - 1] : NULL;
+    if (section == GENERAL && strcasecmp(key, "TcpServerPort") == 0 && number(value, 0, 65535) != 0)
+        die("TcpServerPort", "the relay has no TCP server; 0 expected");
+    else if (section == UART && strcasecmp(key, "Device") == 0)
+        copy(device, sizeof(device), value);
+    else if (section == UART && strcasecmp(key, "Baud") == 0)
+        baud = number(value, 1, 4000000);
+    else if (section == UDP && strcasecmp(key, "Mode") == 0) {
+        if (strcasecmp(value, "Normal") != 0 && strcasecmp(value, "Server") != 0)
+            die(value, "Mode: Normal or Server expected");
+        udp->server = strcasecmp(value, "Server") == 0;
+    } else if (section == UDP && strcasecmp(key, "Address") == 0)
+        copy(udp->address, sizeof(udp->address), value);
+    else if (section == UDP && strcasecmp(key, "Port") == 0)
+        udp->port = number(value, 1, 65535);
+}
+
+static void read_configuration(const char *path)
+{
+    FILE *file = fopen(path, "re");
+    if (!file)
+        die(path, strerror(errno));
+    enum section section = GENERAL;
+    char line[512];
+    while (fgets(line, sizeof(line), file)) {
+        char *text = trim(line);
+        char *equals = strchr(text, '=');
+        if (*text == '\0' || *text == '#' || *text == ';')
+            continue;
+        if (*text == '[' && text[strlen(text) - 1] == ']') {
+            text[strlen(text) - 1] = '\0';
+            section = open_section(trim(text + 1));
+        } else if (equals) {
+            *equals = '\0';
+            set_key(section, trim(text), trim(equals + 1));
+        } else {
+            die(text, "neither [section] nor key = value");
+        }
+    }
+    fclose(file);
+}
+
+static void set_device(const char *argument)
+{
+    copy(device, sizeof(device), argument);
+    char *colon = strrchr(device, ':'); /* a by-id name may have colons of its own */
+    if (colon && colon[1] && strspn(colon + 1, "0123456789") == strlen(colon + 1)) {
+        *colon = '\0';
+        baud = number(colon + 1, 1, 4000000);
+    }
+}
+
+/* --- Endpoints -------------------------------------------------------------- */
+
+static speed_t speed_of(int value)
+{
+    static const struct {
+        int baud;
+        speed_t speed;
+    } speeds[] = {{9600, B9600},       {19200, B19200},     {38400, B38400},
+                  {57600, B57600},     {115200, B115200},   {230400, B230400},
+                  {460800, B460800},   {500000, B500000},   {921600, B921600},
+                  {1000000, B1000000}, {1500000, B1500000}, {2000000, B2000000},
+                  {3000000, B3000000}, {4000000, B4000000}};
+    for (size_t i = 0; i < sizeof(speeds) / sizeof(speeds[0]); i++)
+        if (speeds[i].baud == value)
+            return speeds[i].speed;
+    die(device, "not a baud rate that a serial port has");
+    return B0;
+}
+
+static void open_uart(void)
+{
+    struct termios settings;
+    uart = open(device, O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
+    if (uart < 0 || tcgetattr(uart, &settings) < 0)
+        die(device, strerror(errno));
+    cfmakeraw(&settings);
+    settings.c_cflag |= CLOCAL | CREAD;
+    cfsetspeed(&settings, speed_of(baud));
+    if (tcsetattr(uart, TCSANOW, &settings) < 0 || tcflush(uart, TCIOFLUSH) < 0)
+        die(device, strerror(errno));
+}
+
+static void open_udp(struct udp *udp)
+{
+    struct sockaddr_in address = {.sin_family = AF_INET, .sin_port = htons((uint16_t)udp->port)};
+    if (inet_pton(AF_INET, udp->address, &address.sin_addr) != 1)
+        die(udp->name, "Address: an IPv4 address expected");
+    if (udp->port == 0)
+        die(udp->name, "Port is missing");
+    udp->fd = socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+    if (udp->fd < 0)
+        die(udp->name, strerror(errno));
+    if (!udp->server)
+        udp->peer = address;
+    else if (bind(udp->fd, (struct sockaddr *)&address, sizeof(address)) < 0)
+        die(udp->name, strerror(errno));
+}
+
+/* --- Relaying --------------------------------------------------------------- */
+
+/* A full buffer or a peer that isn't there loses the frame, as a radio link would. */
+static void send_udp(const struct udp *except, const unsigned char *data, size_t length)
+{
+    for (int i = 0; i < udp_count; i++)
+        if (&udps[i] != except && udps[i].peer.sin_port != 0)
+            (void)sendto(udps[i].fd, data, length, 0, (struct sockaddr *)&udps[i].peer,
+                         sizeof(udps[i].peer));
+}
+
+/* Length of the frame that begins here; 0 when there is too little of it to know. */
+static size_t frame_length(const unsigned char *data, size_t have)
+{
+    if (have < 3)
+        return 0;
+    if (data[0] == 0xFE)
+        return (size_t)data[1] + 8;
+    return (size_t)data[1] + 12 + (data[2] & 1 ? 13 : 0);
+}
+
+static void from_uart(void)
+{
+    static unsigned char buffer[BUFFER];
+    static size_t have;
+    ssize_t got = read(uart, buffer + have, sizeof(buffer) - have);
+    if (got < 0 && (errno == EAGAIN || errno == EINTR))
+        return;
+    if (got <= 0)
+        die(device, got < 0 ? strerror(errno) : "hung up");
+    have += (size_t)got;
+    size_t at = 0;
+    while (at < have) {
+        if (buffer[at] != 0xFE && buffer[at] != 0xFD) {
+            at++;
+            continue;
+        }
+        size_t length = frame_length(buffer + at, have - at);
+        if (length == 0 || length > have - at)
+            break;
+        send_udp(NULL, buffer + at, length);
+        at += length;
+    }
+    have -= at;
+    memmove(buffer, buffer + at, have);
+}
+
+static void from_udp(struct udp *udp)
+{
+    unsigned char data[BUFFER];
+    struct sockaddr_in sender;
+    socklen_t size = sizeof(sender);
+    ssize_t got = recvfrom(udp->fd, data, sizeof(data), 0, (struct sockaddr *)&sender, &size);
+    if (got <= 0)
+        return; /* ECONNREFUSED of an earlier datagram, or nothing after all */
+    if (udp->server)
+        udp->peer = sender;
+    if (write(uart, data, (size_t)got) < 0 && errno != EAGAIN && errno != EINTR)
+        die(device, strerror(errno));
+    send_udp(udp, data, (size_t)got);
+}
+
+static void relay(void)
+{
+    struct pollfd fds[1 + MAX_UDP];
+    fds[0] = (struct pollfd){.fd = uart, .events = POLLIN};
+    for (int i = 0; i < udp_count; i++)
+        fds[1 + i] = (struct pollfd){.fd = udps[i].fd, .events = POLLIN};
+    for (;;) {
+        if (poll(fds, (nfds_t)(1 + udp_count), -1) < 0) {
+            if (errno == EINTR)
+                continue;
+            die("poll", strerror(errno));
+        }
+        if (fds[0].revents & (POLLHUP | POLLERR | POLLNVAL))
+            die(device, "hung up");
+        if (fds[0].revents & POLLIN)
+            from_uart();
+        for (int i = 0; i < udp_count; i++)
+            if (fds[1 + i].revents)
+                from_udp(&udps[i]);
+    }
+}
+
+int main(int argc, char **argv)
+{
+    int option;
+    while ((option = getopt(argc, argv, "c:")) != -1) {
+        if (option != 'c') {
+            fprintf(stderr, "usage: mavlink-routerd [-c FILE] [DEVICE[:BAUD]]\n");
+            return 2;
+        }
+        read_configuration(optarg);
+    }
+    if (optind < argc)
+        set_device(argv[optind]);
+    if (!*device)
+        die("configuration", "no serial device named");
+    open_uart();
+    for (int i = 0; i < udp_count; i++)
+        open_udp(&udps[i]);
+    fprintf(stderr, "mavlink-routerd (relay): %s at %d baud, %d UDP endpoints\n", device, baud,
+            udp_count);
+    relay();
+}

@@ -1,0 +1,1 @@
+"""Builds the disk that the bench boots: python3 -m bench.image (see README.md)."""

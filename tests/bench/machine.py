@@ -1,0 +1,426 @@
+"""The emulated machine that the appliance boots in, and the parts around it.
+
+  rootcanal <- front.py <- serial line --+              +-- control console (hvc1): run()
+  (the air)               hvc0, hci0     |  QEMU, arm64 |
+  wifi.pcap <- tap.py <- virtio port ----+  appliance   +-- USB serial adapter <- player.py
+  the judge listens to both              +--------------+   unplug(), plug(): QMP
+
+Everything the appliance is judged by is outside of it; the console's log stays with the run.
+"""
+
+import base64
+import contextlib
+import gzip
+import json
+import os
+import re
+import shlex
+import shutil
+import socket
+import subprocess
+import tempfile
+import time
+from collections import namedtuple
+from pathlib import Path
+
+from host import parts
+from host.air import Air
+from host.controller import Rootcanal, free_ports
+
+from . import disk as disks
+
+QEMU = "qemu-system-aarch64"
+SHELL_TIMEOUT_S = 60
+KILLED = 128 + 9  # exit code of a command that timeout(1) had to kill
+NICENESS = -10
+CHANNELS = ("bt4", "bt5", "wifi")
+Result = namedtuple("Result", "code output")
+
+
+def missing():
+    """Why no machine can be started here, or None."""
+    for program, package in ((QEMU, "qemu-system-arm"), ("qemu-img", "qemu-utils"), ("mcopy", "mtools")):
+        if not shutil.which(program):
+            return f"{program} isn't installed (Debian: {package})"
+    for path in (disks.IMAGE, disks.LOADER):
+        if not path.exists():
+            return f"{path} isn't built: make appliance"
+    return None
+
+
+def connect(path, timeout_s):
+    """A UNIX socket that QEMU is about to make."""
+    deadline = time.monotonic() + timeout_s
+    while True:
+        one = socket.socket(socket.AF_UNIX)
+        try:
+            one.connect(str(path))
+            return one
+        except (FileNotFoundError, ConnectionRefusedError):
+            one.close()
+            if time.monotonic() > deadline:
+                raise
+            time.sleep(0.02)
+
+
+class Qmp:
+    """QEMU's own control socket."""
+
+    def __init__(self, path):
+        self._socket = connect(path, 10)
+        self._lines = self._socket.makefile("r", encoding="utf-8")
+        self._socket.settimeout(10)
+        self._lines.readline()  # its greeting
+        self.command("qmp_capabilities")
+
+    def command(self, name, **arguments):
+        self._socket.sendall(json.dumps({"execute": name, "arguments": arguments}).encode() + b"\n")
+        while line := self._lines.readline():
+            answer = json.loads(line)
+            if "error" in answer:
+                raise RuntimeError(f"QEMU: {name}: {answer['error']['desc']}")
+            if "return" in answer:  # anything else is an event
+                return answer["return"]
+        raise ConnectionError("QEMU has ended")
+
+    def close(self):
+        self._lines.close()
+        self._socket.close()
+
+
+class Shell:
+    """The control console: a root shell of the bench's, outside of the appliance's services."""
+
+    # A shell behind the line: neither echo nor prompts nor a line's length matter there.
+    TAKE_OVER = "stty raw -echo; echo 'BENCH: 'ready; cat | sh; exit"
+
+    def __init__(self, path, timeout_s, alive=lambda: None):
+        """alive raises when there is nothing left to wait for."""
+        deadline = time.monotonic() + timeout_s
+        self._socket, self._count, self._got = connect(path, 10), 0, b""
+        while True:
+            self.send("")  # a prompt that came before we did is lost
+            try:
+                self._until(rb"[#$] ", 0.3)
+                break
+            except TimeoutError:
+                alive()
+                if time.monotonic() > deadline:
+                    raise TimeoutError(f"no shell on the control console within {timeout_s} s") from None
+        self.send(self.TAKE_OVER)
+        self._until(rb"BENCH: ready\r?\n", 20)
+
+    def _until(self, pattern, timeout_s):
+        """What comes before the pattern, and its match."""
+        deadline = time.monotonic() + timeout_s
+        while True:
+            match = re.search(pattern, self._got)
+            if match:
+                before, self._got = self._got[:match.start()], self._got[match.end():]
+                return before, match
+            left = deadline - time.monotonic()
+            if left <= 0:
+                raise TimeoutError(f"the control console: no answer within {timeout_s} s; "
+                                   f"so far: {self._got[-300:]!r}")
+            self._socket.settimeout(left)
+            try:
+                data = self._socket.recv(65536)
+            except TimeoutError:
+                continue
+            if not data:
+                raise ConnectionError("QEMU has ended")
+            self._got += data
+
+    def send(self, command):
+        """Doesn't wait for an end."""
+        self._socket.settimeout(SHELL_TIMEOUT_S)
+        self._socket.sendall(f"{command}\n".encode())
+
+    def run(self, command, timeout_s=20):
+        self._count += 1
+        mark = f"BENCH-{self._count}"
+        # Ended in the machine, too: one command that hangs must not take the console from all others.
+        self.send(f"echo {mark}-begins; timeout -s KILL {int(timeout_s)} sh -c {shlex.quote(command)} </dev/null 2>&1; "
+                  f"echo {mark}-ends $?")
+        self._until(rf"{mark}-begins\r?\n".encode(), timeout_s + 10)
+        output, end = self._until(rf"{mark}-ends (\d+)\r?\n".encode(), timeout_s + 10)
+        if int(end[1]) == KILLED:
+            raise TimeoutError(f"in the machine: {command}: not done within {timeout_s} s: {output[-300:]!r}")
+        return Result(int(end[1]), output.decode(errors="replace").replace("\r\n", "\n"))
+
+    def close(self):
+        self._socket.close()
+
+
+class Machine:
+    """The machine, its disk, and the parts around it. It is made switched off.
+
+    config: the files of the CONFIG volume; default: an identity as a society's technician gives it.
+    """
+
+    def __init__(self, folder, config=None, image=disks.IMAGE, memory_mib=384):
+        self.folder = Path(folder)
+        self.folder.mkdir(parents=True, exist_ok=True)
+        self.memory_mib = memory_mib
+        self.console, self.pcap = self.folder / "console.log", self.folder / "wifi.pcap"
+        self.set_log = self.folder / "set.jsonl"
+        for old in (*self.folder.glob("*.log"), *self.folder.glob("*.jsonl"), self.pcap):
+            old.unlink(missing_ok=True)
+        self.disk = disks.Disk(self.folder / "disk.qcow2", image)
+        if config is None:
+            config = {"odid.conf": configuration()}
+        if config:
+            self.disk.put_config(config)
+        self.qemu = self.qmp = self.shell = self.player = None
+        self.parts = []
+        # A UNIX socket's path has 107 octets at most.
+        self._sockets = Path(tempfile.mkdtemp(prefix="odid-"))
+        self.front_port, self.mavlink_port, self.ssh_port = free_ports(3)
+        self.rootcanal = Rootcanal(self.folder / "rootcanal.log")
+        try:
+            self.air = Air(self.rootcanal.hci_port, self.pcap)
+            self.front = self._add(parts.Part(
+                parts.python("host.front", "--listen", self.front_port, "--hci-port", self.rootcanal.hci_port,
+                             "--set-log", self.set_log), self.folder / "front.log", orders=True, raised=True))
+            if self.front.process.stdout.readline().strip() != "done":
+                raise RuntimeError(f"the controller model didn't start: {self.front.log()}")
+            tap = self._add(parts.Part(parts.python(
+                "bench.tap", "--listen", self._sockets / "wifi", "--out", self.pcap),
+                self.folder / "tap.log", raised=True))
+            parts.wait_for("the capture", (self._sockets / "wifi").exists, 10, tap)
+        except BaseException:
+            self.close()
+            raise
+
+    def _add(self, part):
+        self.parts.append(part)
+        return part
+
+    # --- power --------------------------------------------------------------
+
+    def _words(self, rtc, adapter):
+        words = [
+            "setpriv", "--pdeathsig", "KILL",  # it would go on, and cost much, when we are killed
+            QEMU, "-M", "virt,gic-version=3", "-cpu", "cortex-a72", "-accel", "tcg,thread=multi", "-smp", 2,
+            "-m", self.memory_mib, "-nodefaults", "-display", "none", "-bios", disks.LOADER,
+            "-chardev", f"file,id=console,path={self.console},append=on", "-serial", "chardev:console",
+            "-qmp", f"unix:{self._sockets}/qmp,server=on,wait=off",
+            "-drive", f"if=none,id=disk,format=qcow2,file={self.disk.path}", "-device", "virtio-blk-device,drive=disk",
+            "-device", "virtio-rng-pci",
+            "-device", "virtio-serial-pci",
+            "-chardev", f"socket,id=bt,host=127.0.0.1,port={self.front_port},nodelay=on",
+            "-device", "virtconsole,chardev=bt",
+            "-chardev", f"socket,id=control,path={self._sockets}/control,server=on,wait=off",
+            "-device", "virtconsole,chardev=control",
+            "-chardev", f"socket,id=wifi,path={self._sockets}/wifi",
+            "-device", "virtserialport,chardev=wifi,name=wifi",
+            "-netdev", f"user,id=net,hostfwd=udp:127.0.0.1:{self.mavlink_port}-:14550,"
+                       f"hostfwd=tcp:127.0.0.1:{self.ssh_port}-:22",
+            "-device", "virtio-net-pci,netdev=net,romfile=",
+            "-device", "i6300esb", "-action", "watchdog=reset",
+            "-device", "qemu-xhci,id=usb",
+            "-chardev", f"socket,id=fc,path={self._sockets}/fc,server=on,wait=off",
+        ]
+        if adapter:
+            words += ["-device", "usb-serial,id=fc,chardev=fc,always-plugged=on"]
+        if rtc:
+            words += ["-rtc", f"base={rtc}"]
+        return words
+
+    def power_on(self, rtc=None, adapter=True, wait=True):
+        """rtc: the clock at power-on, as 1970-01-01T00:00:00; adapter: whether the autopilot is plugged in."""
+        for name in ("qmp", "control", "fc"):
+            (self._sockets / name).unlink(missing_ok=True)
+        self.powered_mono = time.monotonic()
+        self._boot_from = self.console.stat().st_size if self.console.exists() else 0
+        self.qemu = parts.Part(self._words(rtc, adapter), self.folder / "qemu.log")
+        with contextlib.suppress(PermissionError):  # else what else this machine does shows in the figures
+            os.setpriority(os.PRIO_PROCESS, self.qemu.process.pid, NICENESS)
+        try:
+            self.qmp = Qmp(self._sockets / "qmp")
+            if wait:
+                self.wait_shell()
+        except (TimeoutError, RuntimeError, ConnectionError) as error:
+            qemu_log = self.qemu.log()
+            self.cut_power()
+            raise RuntimeError(f"{error}\n{qemu_log}\n--- {self.console} ends ---\n"
+                               f"{self.console_text()[-3000:]}") from error
+        except BaseException:
+            self.cut_power()
+            raise
+
+    def wait_shell(self):
+        self.shell = Shell(self._sockets / "control", SHELL_TIMEOUT_S, self._still_booting)
+        self._uptime_to_mono_s = None
+
+    def _still_booting(self):
+        if self.qemu.process.poll() is not None:
+            raise RuntimeError(f"QEMU ended with {self.qemu.process.returncode}: {self.qemu.log()}")
+        if "neither slot can be started" in self.console_text():
+            raise RuntimeError("the boot loader can start neither slot")
+
+    def cut_power(self):
+        """What was not on the disk yet is lost."""
+        for one in (self.shell, self.qmp):
+            if one:
+                one.close()
+        self.shell = self.qmp = None
+        if self.player:
+            self.player.stop()
+            self.player = None
+        if self.qemu:
+            self.qemu.process.kill()
+            self.qemu.stop()
+            self.qemu = None
+
+    def close(self):
+        """May be called again."""
+        self.cut_power()
+        if not self._sockets.exists():
+            return
+        for part in reversed(self.parts):
+            part.stop()
+        if hasattr(self, "air"):
+            self.air.stop()
+        self.rootcanal.stop()
+        shutil.rmtree(self._sockets)
+
+    # --- what goes on inside ------------------------------------------------
+
+    def run(self, command, timeout_s=20):
+        """A command in the machine, as root: (exit code, output)."""
+        return self.shell.run(command, timeout_s)
+
+    def must(self, command, timeout_s=20):
+        """The same, when it can't fail: its output."""
+        result = self.run(command, timeout_s)
+        if result.code:
+            raise RuntimeError(f"in the machine: {command}: exit code {result.code}: {result.output}")
+        return result.output
+
+    def put(self, path, data, mode="755"):
+        """Puts a file into the machine."""
+        text = base64.b64encode(gzip.compress(data)).decode()
+        self.must(f"rm -f {path}.z")
+        for at in range(0, len(text), 30000):
+            self.must(f"echo {text[at:at + 30000]} >>{path}.z")
+        self.must(f"base64 -d {path}.z | gunzip >{path} && rm {path}.z && chmod {mode} {path}")
+
+    def mono(self, uptime_s):
+        """time.monotonic() at the machine's uptime."""
+        if self._uptime_to_mono_s is None:
+            tries = []
+            for _ in range(3):
+                before = time.monotonic()
+                uptime = float(self.must("cat /proc/uptime").split()[0])
+                after = time.monotonic()
+                tries.append((after - before, (before + after) / 2 - uptime))
+            self._uptime_to_mono_s = min(tries)[1]
+        return uptime_s + self._uptime_to_mono_s
+
+    def wait_inside(self, what, condition, timeout_s=20):
+        """Waits in the machine until a shell condition holds; time.monotonic() at which it did."""
+        result = self.run(f"n=0; until {condition}; do n=$((n + 1)); [ $n -lt {int(timeout_s * 50)} ] || exit 1; "
+                          "usleep 20000; done; cat /proc/uptime", timeout_s * 3 + 20)
+        if result.code:
+            raise TimeoutError(f"waited {timeout_s} s in vain for {what} in the machine: {result.output}")
+        return self.mono(float(result.output.split()[0]))
+
+    def status(self):
+        """The daemon's own view, None when it doesn't answer."""
+        output = self.run("odidctl status --json").output
+        try:
+            return json.loads(output)
+        except ValueError:
+            return None
+
+    def wait_on_air(self, channels=CHANNELS, position=False, timeout_s=30):
+        """position: with a fresh one of the autopilot's."""
+        def on_air():
+            status = self.status()
+            return (status is not None and (status["position"]["fresh"] or not position)
+                    and all(status["channels"][one]["state"] == "on air" for one in channels))
+        try:
+            parts.wait_for(f"{', '.join(channels)} on air{' with a position' if position else ''}", on_air, timeout_s)
+        except TimeoutError as error:
+            raise TimeoutError(f"{error}; {self.run('odidctl status').output}") from None
+
+    def console_text(self):
+        """The console since the last power-on."""
+        if not self.console.exists():
+            return ""
+        with open(self.console, "rb") as log:
+            log.seek(self._boot_from)
+            return log.read().decode(errors="replace").replace("\r\n", "\n")
+
+    def wait_console(self, pattern, timeout_s=60):
+        return parts.wait_for(f"{pattern!r} on the console",
+                              lambda: re.search(pattern, self.console_text()), timeout_s)
+
+    def started(self):
+        """time.monotonic() at which the appliance's init began: its first boot script's line."""
+        match = re.search(r"^\[ *([\d.]+)\] odid: boot: ", self.must("dmesg | grep 'odid: boot: '"), re.M)
+        if not match:
+            raise RuntimeError("no boot script has said anything in the kernel's log")
+        return self.mono(float(match[1]))
+
+    def port_mono(self):
+        """time.monotonic() at which the autopilot's port was there, for the last time."""
+        found = re.findall(r"^\[ *([\d.]+)\] .* now attached to ttyUSB", self.must("dmesg"), re.M)
+        if not found:
+            raise RuntimeError("the autopilot's port never came")
+        return self.mono(float(found[-1]))
+
+    # --- the autopilot ------------------------------------------------------
+
+    def play(self, flight, start=0, seconds=None):
+        """Begins a flight; the player stays when it is over."""
+        if self.player:
+            self.player.stop()
+        words = [flight, "--to", f"unix:{self._sockets}/fc", "--start", start,
+                 "--played", self.folder / "played.jsonl", "--answers", self.folder / "answers.jsonl"]
+        if seconds:
+            words += ["--seconds", seconds]
+        self.player = parts.Part(parts.python("host.player", *words), self.folder / "player.log", orders=True,
+                                 raised=True)
+
+    def unplug(self):
+        """The autopilot's cable is pulled."""
+        if self.player:
+            self.player.order("pause")
+        self.qmp.command("device_del", id="fc")
+
+    def plug(self):
+        self.qmp.command("device_add", driver="usb-serial", id="fc", chardev="fc", **{"always-plugged": True})
+        if self.player:
+            self.player.order("resume")
+
+    def answers(self):
+        """What came back to the autopilot."""
+        path = self.folder / "answers.jsonl"
+        text = path.read_text() if path.exists() else ""
+        return [json.loads(line) for line in text.splitlines(keepends=True) if line.endswith("\n")]
+
+    # --- the judge ----------------------------------------------------------
+
+    def judge(self, seconds, *arguments, out=None, show=False):
+        """Starts the judge; seconds None: until it is told to stop. Its report goes to out."""
+        out = out or self.folder / "judge"
+        words = parts.python("receiver", "--hci", f"tcp-client:127.0.0.1:{self.rootcanal.hci_port}",
+                             "--pcap", self.pcap, "--follow", "--set-log", self.set_log, "--out", out, *arguments)
+        if seconds is not None:
+            words += ["--seconds", seconds]
+        if show:
+            return subprocess.Popen([str(word) for word in words], env=parts.environment(), cwd=parts.ROOT)
+        part = parts.Part([*words, "--quiet"], f"{out}.log")
+        parts.wait_for("the judge", lambda: "listening" in part.log(), 30, part)
+        return part
+
+
+def configuration(**sections):
+    """odid.conf, as a technician writes it; sections are added, or replace keys."""
+    merged = {name: dict(keys) for name, keys in parts.IDENTITY.items()}
+    for name, keys in sections.items():
+        merged.setdefault(name, {}).update(keys)
+    return "".join(f"[{name}]\n" + "".join(f"{key} = {value}\n" for key, value in keys.items()) + "\n"
+                   for name, keys in merged.items())

@@ -1,0 +1,148 @@
+"""What the appliance has on the air, in a flight without any fault, and what it takes to get there."""
+
+import json
+import re
+import struct
+import time
+from pathlib import Path
+
+from host import parts
+from host.air import FIXED_FIELDS, VENDOR_ELEMENT
+
+from . import flights, limits, runs
+from .machine import CHANNELS
+
+PCAP_HEADER, PCAP_RECORD = 24, 16
+BEACON, PROBE_RESPONSE = 0x80, 0x50
+SECONDS = 60
+
+
+def test_intervals(flying):
+    out = parts.ROOT / "build/system/intervals"
+    judge = flying.judge(SECONDS, "--played", flying.folder / "played.jsonl", "--expect", ",".join(CHANNELS),
+                         *limits.arguments(), out=out)
+    judge.process.wait(timeout=SECONDS + 120)
+    figures = json.loads((out / "figures.json").read_text())
+    assert judge.stop() == 0, judge.log()[-4000:]
+    assert figures["verdict"] == "PASS"
+    for name, limit_s in limits.AIR_S.items():
+        assert figures[name] <= limit_s
+
+
+def test_the_boot(make_machine):
+    """From init to the first valid message, of an appliance that has booted before, as each flight does."""
+    machine = make_machine("boot")
+    machine.power_on()
+    machine.wait_on_air()
+    machine.must("sync")
+    machine.cut_power()
+    judge = machine.judge(None)
+    machine.power_on()
+    machine.play(flights.generate(machine.folder / "flight.tlog", 60))
+    machine.wait_on_air(position=True)
+    started = machine.started()
+    time.sleep(1)
+    chart = machine.must("dmesg | grep 'odid: boot'")
+    judge.stop(timeout_s=60)
+    contents = runs.Contents(machine.folder / "judge/receptions.jsonl")
+    figures = {f"boot_to_{channel}_s": round(contents.first[channel] - started, 2) for channel in CHANNELS}
+    path = parts.ROOT / "build/system/boot.json"
+    path.write_text(json.dumps({**figures, "chart": chart.splitlines()}, indent=1) + "\n")
+    print(chart, figures)
+    for channel, limit_s in limits.BOOT_S.items():
+        assert figures[f"boot_to_{channel}_s"] <= limit_s
+
+
+# --- Wi-Fi ------------------------------------------------------------------------
+
+
+def frames(path, kind, since=0.0):
+    """(Unix time, elements) of the capture's frames of one kind."""
+    data, at = Path(path).read_bytes(), PCAP_HEADER
+    while at + PCAP_RECORD <= len(data):
+        seconds, micros, length, _ = struct.unpack_from("<IIII", data, at)
+        packet = data[at + PCAP_RECORD:at + PCAP_RECORD + length]
+        at += PCAP_RECORD + length
+        frame = packet[int.from_bytes(packet[2:4], "little"):]
+        if frame[:1] == bytes([kind]) and seconds + micros / 1e6 >= since:
+            yield seconds + micros / 1e6, frame[FIXED_FIELDS:]
+
+
+def elements(row):
+    at = 0
+    while at + 1 < len(row):
+        yield row[at], row[at + 2:at + 2 + row[at + 1]]
+        at += 2 + row[at + 1]
+
+
+def pack(row):
+    for number, value in elements(row):
+        if number == 221 and value.startswith(VENDOR_ELEMENT):
+            return value[len(VENDOR_ELEMENT):]
+    return None
+
+
+def station(machine, key, seconds=12):
+    """A station with this key tries to get in. Its log."""
+    ssid = machine.must("cat /data/secrets/wifi_ssid").strip()
+    network = f'network={{\nssid="{ssid}"\npsk="{key}"\nscan_ssid=1\nscan_freq=2437\n}}\n'
+    machine.put("/tmp/station.conf", network.encode(), "600")
+    machine.must("ip link set wlan2 up")
+    return machine.must(f"timeout {seconds} wpa_supplicant -i wlan2 -c /tmp/station.conf; true", seconds + 60)
+
+
+def test_the_answer_to_a_probe_carries_the_beacon_s_pack(flying):
+    since = time.time()
+    station(flying, "no-key-of-this-one", 10)
+    time.sleep(1)
+    beacons = [(at, pack(row)) for at, row in frames(flying.pcap, BEACON, since - 1)]
+    answers = [(at, pack(row)) for at, row in frames(flying.pcap, PROBE_RESPONSE, since)]
+    assert answers, "no probe was answered"
+    for at, content in answers:
+        assert content is not None, "an answer without Remote ID"
+        near = [one for when, one in beacons if abs(when - at) < 0.5]
+        assert content in near
+
+
+def test_the_access_point(flying):
+    """Channel 6, beacon interval 100 TU, country, WPA2."""
+    _, row = next(frames(flying.pcap, BEACON))
+    found = dict(elements(row))
+    assert found[3] == b"\x06"
+    assert found[7][:2] == b"SE"
+    assert found[48][:2] == b"\x01\x00"  # RSN
+    times = [at for at, _ in frames(flying.pcap, BEACON)][-100:]
+    assert abs((times[-1] - times[0]) / (len(times) - 1) - 0.1024) < 0.002
+
+
+# --- what listens, what can be written -----------------------------------------------
+
+
+def test_nothing_listens_that_need_not(flying):
+    """No TCP; UDP only the daemon's, on loopback, and sockets that only send."""
+    listening = flying.must("netstat -ltn | grep LISTEN; true").strip()
+    assert listening == ""
+    for line in flying.must("netstat -lunp").splitlines():
+        fields = line.split()
+        if not fields or not fields[0].startswith("udp"):
+            continue
+        address, port = fields[3].rsplit(":", 1)
+        assert (address, port) == ("127.0.0.1", "14550") or "mavlink-route" in line, line
+
+
+def test_the_filter_drops_what_comes_in(flying):
+    rules = flying.must("nft list ruleset")
+    assert "policy drop" in rules
+    assert "dport 14550" not in rules
+
+
+def test_no_root_writes_to_the_running_system(flying):
+    before = flying.must("head -c 65536 /dev/disk/odid/slot-a | sha256sum")
+    for slot in ("slot-a", "slot-b", "boot"):
+        result = flying.run(f"dd if=/dev/zero of=/dev/disk/odid/{slot} bs=4096 count=1 conv=fsync")
+        assert result.code != 0
+        assert re.search("not permitted|[Rr]ead-only", result.output), result.output
+    assert flying.must("head -c 65536 /dev/disk/odid/slot-a | sha256sum") == before
+    assert flying.run("mount -o remount,rw / && touch /etc/new").code != 0
+    root = flying.must("grep -m1 odid.slot /proc/cmdline | sed 's/.*odid.slot=//; s/ .*//'").strip()
+    assert root == "a"

@@ -1,0 +1,230 @@
+/* fault: does to the appliance what a shell can't. Put into the machine by the tests that need it.
+ *
+ *     fault hci ADAPTER HEX        a second Bluetooth user: sends one HCI command (opcode as on the
+ *                                  wire, length, parameters) through a raw socket
+ *     fault spin PID               the process goes round in one instruction from now on
+ *     fault hog MEGABYTES SECONDS  four processes that spin, and one that takes memory, and again
+ *                                  when the kernel has killed it
+ *     fault radio-remove ID        takes a mac80211_hwsim radio away
+ *     fault radio-create MAC       adds one with this address */
+
+#include <errno.h>
+#include <linux/genetlink.h>
+#include <linux/netlink.h>
+#include <signal.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/ptrace.h>
+#include <sys/socket.h>
+#include <sys/uio.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+
+static void die(const char *what)
+{
+    perror(what);
+    exit(1);
+}
+
+/* --- Bluetooth (BlueZ's headers are not at hand for this compiler) ------------ */
+
+#define BTPROTO_HCI 1
+#define HCI_COMMAND 0x01
+
+struct sockaddr_hci {
+    sa_family_t family;
+    uint16_t device;
+    uint16_t channel; /* 0: raw */
+};
+
+static size_t from_hex(const char *text, unsigned char *out, size_t size)
+{
+    size_t length = 0;
+    unsigned value;
+    for (; text[0] && text[1] && length < size; text += 2) {
+        if (sscanf(text, "%2x", &value) != 1)
+            break;
+        out[length++] = (unsigned char)value;
+    }
+    if (*text) {
+        fprintf(stderr, "%s: hexadecimal octets expected\n", text);
+        exit(2);
+    }
+    return length;
+}
+
+static void hci(int adapter, const char *hex)
+{
+    unsigned char packet[260] = {HCI_COMMAND};
+    size_t length = 1 + from_hex(hex, packet + 1, sizeof(packet) - 1);
+    struct sockaddr_hci address = {.family = AF_BLUETOOTH, .device = (uint16_t)adapter};
+    int raw = socket(AF_BLUETOOTH, SOCK_RAW, BTPROTO_HCI);
+    if (raw < 0 || bind(raw, (struct sockaddr *)&address, sizeof(address)) < 0)
+        die("hci");
+    if (write(raw, packet, length) != (ssize_t)length)
+        die("hci: write");
+}
+
+/* --- processes -------------------------------------------------------------- */
+
+static void spin(pid_t pid)
+{
+    const long branch_to_itself = 0x1400000014000000; /* twice: a word is two instructions */
+    struct {
+        uint64_t x[31], sp, pc, pstate;
+    } registers;
+    struct iovec area = {&registers, sizeof(registers)};
+    if (ptrace(PTRACE_ATTACH, pid, 0, 0) < 0 || waitpid(pid, NULL, 0) < 0 ||
+        ptrace(PTRACE_GETREGSET, pid, 1 /* NT_PRSTATUS */, &area) < 0 ||
+        ptrace(PTRACE_POKETEXT, pid, registers.pc & ~7UL, branch_to_itself) < 0 ||
+        ptrace(PTRACE_DETACH, pid, 0, 0) < 0)
+        die("spin");
+}
+
+static void take_memory(size_t megabytes)
+{
+    FILE *score = fopen("/proc/self/oom_score_adj", "w");
+    if (!score || fputs("0", score) < 0 || fclose(score) != 0)
+        die("oom_score_adj");
+    if (nice(-10) == -1) /* else the spinners keep it from memory's end */
+        die("nice");
+    for (size_t i = 0; i < megabytes; i++) {
+        char *memory = malloc(1 << 20);
+        if (!memory)
+            break;
+        memset(memory, (int)i + 1, 1 << 20);
+    }
+    for (;;)
+        pause();
+}
+
+static time_t monotonic_s(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return now.tv_sec;
+}
+
+static void hog(size_t megabytes, unsigned seconds)
+{
+    pid_t spinners[4], eater = 0;
+    for (int i = 0; i < 4; i++)
+        if ((spinners[i] = fork()) == 0)
+            for (;;)
+                ;
+    for (time_t end = monotonic_s() + seconds; monotonic_s() < end; usleep(100000)) {
+        if (eater > 0 && waitpid(eater, NULL, WNOHANG) == eater)
+            eater = 0;
+        if (eater == 0 && (eater = fork()) == 0)
+            take_memory(megabytes);
+    }
+    for (int i = 0; i < 4; i++)
+        kill(spinners[i], SIGKILL);
+    if (eater > 0)
+        kill(eater, SIGKILL);
+    while (wait(NULL) > 0)
+        ;
+}
+
+/* --- mac80211_hwsim's netlink interface (its header isn't exported) ------------ */
+
+enum { NEW_RADIO = 4, DELETE_RADIO = 5 };
+enum { ATTRIBUTE_RADIO_ID = 10, ATTRIBUTE_PERMANENT_ADDRESS = 22 };
+
+struct message {
+    struct nlmsghdr header;
+    struct genlmsghdr generic;
+    char attributes[128];
+};
+
+static void add(struct message *message, uint16_t type, const void *value, size_t length)
+{
+    struct nlattr *attribute = (void *)((char *)message + NLMSG_ALIGN(message->header.nlmsg_len));
+    attribute->nla_type = type;
+    attribute->nla_len = (uint16_t)(NLA_HDRLEN + length);
+    memcpy((char *)attribute + NLA_HDRLEN, value, length);
+    message->header.nlmsg_len =
+        NLMSG_ALIGN(message->header.nlmsg_len) + NLA_ALIGN(attribute->nla_len);
+}
+
+/* Asks, and returns the answer's length; a refusal ends the program (a radio's number is none). */
+static ssize_t ask(int netlink, struct message *message, char *answer, size_t size)
+{
+    if (send(netlink, message, message->header.nlmsg_len, 0) < 0)
+        die("netlink");
+    ssize_t length = recv(netlink, answer, size, 0);
+    if (length < (ssize_t)sizeof(struct nlmsghdr))
+        die("netlink: answer");
+    struct nlmsghdr *header = (void *)answer;
+    if (header->nlmsg_type == NLMSG_ERROR) {
+        int error = -((struct nlmsgerr *)NLMSG_DATA(header))->error;
+        if (error > 0) {
+            errno = error;
+            die("hwsim");
+        }
+    }
+    return length;
+}
+
+static uint16_t family_of(int netlink, const char *name)
+{
+    struct message message = {.header = {.nlmsg_len = NLMSG_LENGTH(GENL_HDRLEN),
+                                         .nlmsg_type = GENL_ID_CTRL,
+                                         .nlmsg_flags = NLM_F_REQUEST},
+                              .generic = {.cmd = CTRL_CMD_GETFAMILY, .version = 1}};
+    char answer[4096];
+    add(&message, CTRL_ATTR_FAMILY_NAME, name, strlen(name) + 1);
+    ssize_t length = ask(netlink, &message, answer, sizeof(answer));
+    for (size_t at = NLMSG_HDRLEN + GENL_HDRLEN; at + NLA_HDRLEN <= (size_t)length;) {
+        struct nlattr *attribute = (void *)(answer + at);
+        if (attribute->nla_type == CTRL_ATTR_FAMILY_ID)
+            return *(uint16_t *)((char *)attribute + NLA_HDRLEN);
+        at += NLA_ALIGN(attribute->nla_len);
+    }
+    fprintf(stderr, "%s: no such netlink family\n", name);
+    exit(1);
+}
+
+static void radio(uint8_t command, uint16_t attribute, const void *value, size_t length)
+{
+    char answer[4096];
+    int netlink = socket(AF_NETLINK, SOCK_RAW, NETLINK_GENERIC);
+    if (netlink < 0)
+        die("netlink");
+    struct message message = {.header = {.nlmsg_len = NLMSG_LENGTH(GENL_HDRLEN),
+                                         .nlmsg_type = family_of(netlink, "MAC80211_HWSIM"),
+                                         .nlmsg_flags = NLM_F_REQUEST | NLM_F_ACK},
+                              .generic = {.cmd = command, .version = 1}};
+    add(&message, attribute, value, length);
+    ask(netlink, &message, answer, sizeof(answer));
+}
+
+int main(int argc, char **argv)
+{
+    const char *what = argc > 2 ? argv[1] : "";
+    if (strcmp(what, "hci") == 0 && argc == 4) {
+        hci(atoi(argv[2]), argv[3]);
+    } else if (strcmp(what, "spin") == 0) {
+        spin(atoi(argv[2]));
+    } else if (strcmp(what, "hog") == 0 && argc == 4) {
+        hog((size_t)atoi(argv[2]), (unsigned)atoi(argv[3]));
+    } else if (strcmp(what, "radio-remove") == 0) {
+        uint32_t id = (uint32_t)atoi(argv[2]);
+        radio(DELETE_RADIO, ATTRIBUTE_RADIO_ID, &id, sizeof(id));
+    } else if (strcmp(what, "radio-create") == 0) {
+        unsigned char mac[6];
+        if (sscanf(argv[2], "%2hhx:%2hhx:%2hhx:%2hhx:%2hhx:%2hhx", &mac[0], &mac[1], &mac[2],
+                   &mac[3], &mac[4], &mac[5]) != 6) {
+            fprintf(stderr, "%s: expected an address as 02:00:00:00:00:00\n", argv[2]);
+            return 2;
+        }
+        radio(NEW_RADIO, ATTRIBUTE_PERMANENT_ADDRESS, mac, sizeof(mac));
+    } else {
+        fprintf(stderr, "usage: at the top of fault.c\n");
+        return 2;
+    }
+    return 0;
+}
