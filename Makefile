@@ -23,7 +23,7 @@ endif
 
 # What the demo, the bench and the tests take from the command line. Handed over by env(1), not by
 # `export`: a shell that is bash counts SECONDS up.
-OPTIONS = $(foreach name,FLIGHT SECONDS TEST_DATA LOSS,$(if $($(name)),$(name)='$($(name))'))
+OPTIONS = $(foreach name,FLIGHT SECONDS TEST_DATA LOSS IMAGE,$(if $($(name)),$(name)='$($(name))'))
 RUN = env $(OPTIONS) PYTHONPATH=tests PYTHONPYCACHEPREFIX=build/pycache \
 	build/venv/bin/python3
 
@@ -41,11 +41,14 @@ endef
 .PHONY: help
 help:
 	@echo 'make demo       a flight on the air, judged by an independent listener (30 s)'
-	@echo 'make demo-host  the same, on this machine without an emulated one'
+	@echo 'make demo-host  the same: the daemon alone, on this machine'
+	@echo 'make demo-appliance  the same with the whole appliance, booted in QEMU'
 	@echo 'make test       every test that fits in minutes, with a summary'
+	@echo 'make system     boots the appliance and does it harm (being built: not all of it passes yet)'
 	@echo 'make test-long  whole flights, long fuzzing, long benchmarks (hours)'
 	@echo 'make bench      measures the daemon beside the field study'\''s figures'
 	@echo 'make daemon     only builds the daemon: build/daemon'
+	@echo 'make appliance  only builds the disk that the bench boots: build/appliance/disk.img'
 	@echo 'make check      formatting, shell scripts, man pages, Python'
 	@echo 'make format     formats the C sources'
 	@echo 'make setup      only installs and fetches what the others need'
@@ -54,6 +57,7 @@ help:
 	@echo 'FLIGHT=<log>    the flight to play (default: the one in TEST_DATA, else a generated one)'
 	@echo 'SECONDS=<n>     how much of it the demo plays'
 	@echo 'TEST_DATA=<dir> where recorded flights and captures are (default: ../shared/data)'
+	@echo 'IMAGE=<disk>    another appliance than build/appliance/disk.img'
 	@echo 'LOSS=<model>    receptions that the listener drops, for the edge of range'
 	@echo 'OPENDRONEID_DIR=<dir>  MAVLINK_DIR=<dir>  sources of your own instead of fetched ones'
 
@@ -92,10 +96,23 @@ unit: setup
 fuzzers: setup
 	$(call cmake-build,fuzz,-DCMAKE_BUILD_TYPE=Debug -DODID_FUZZ=ON -DCMAKE_C_COMPILER=clang)
 
+# Debian's packages around the daemon and overlay/; what it is and isn't: tests/bench/README.md.
+.PHONY: appliance
+ifeq ($(IMAGE),)
+appliance: setup
+	@OPENDRONEID_DIR='$(OPENDRONEID)' MAVLINK_DIR='$(MAVLINK)' $(RUN) -m bench.image
+else
+appliance: setup
+	@test -r '$(IMAGE)' || { echo 'IMAGE=$(IMAGE) can not be read' >&2; exit 1; }
+endif
+
 # --- Showing and measuring --------------------------------------------------
 
-.PHONY: demo demo-host bench
+.PHONY: demo demo-host demo-appliance bench
 demo: demo-host
+
+demo-appliance: appliance
+	@$(RUN) tests/bench/demo.py
 
 demo-host: daemon
 	@$(RUN) tests/host/demo.py
@@ -139,9 +156,13 @@ define test-levels
 	--output-junit $(CURDIR)/build/test/unit.xml || $(call left,unit)
 @$(RUN) tests/levels/fuzz.py --seconds $(FUZZ_SECONDS) --jobs $(JOBS) \
 	--junit build/test/fuzz.xml || $(call left,fuzz)
-@$(RUN) -m pytest tests -o cache_dir=build/pytest -ra --continue-on-collection-errors \
-	--junit-xml=build/test/host.xml || $(call left,host)
+@$(RUN) -m pytest tests --ignore=tests/bench -o cache_dir=build/pytest -ra \
+	--continue-on-collection-errors --junit-xml=build/test/host.xml || $(call left,host)
 endef
+
+.PHONY: system
+system: appliance
+	@$(RUN) -m pytest tests/bench -o cache_dir=build/pytest -ra
 
 .PHONY: check format
 check: build/venv/stamp
