@@ -36,13 +36,14 @@ int aircraft_ua_type(uint8_t mav_type)
         return UA_HELICOPTER_OR_MULTIROTOR;
     case MAV_TYPE_VTOL_GYRODYNE:
         return UA_GYROPLANE;
-    case MAV_TYPE_VTOL_DUOROTOR:
-    case MAV_TYPE_VTOL_QUADROTOR:
-    case MAV_TYPE_VTOL_TILTROTOR:
-    case MAV_TYPE_VTOL_RESERVED2:
-    case MAV_TYPE_VTOL_RESERVED3:
-    case MAV_TYPE_VTOL_RESERVED4:
-    case MAV_TYPE_VTOL_RESERVED5:
+    /* VTOL: by number, because MAVLink renamed five of the seven in 2024. */
+    case 19:
+    case 20:
+    case 21:
+    case 22:
+    case 23:
+    case 24:
+    case 25:
         return UA_HYBRID_LIFT;
     case MAV_TYPE_FLAPPING_WING:
         return UA_ORNITHOPTER;

@@ -1,0 +1,44 @@
+#!/bin/sh
+# post-build.sh TARGET BOARD: Buildroot calls it when the root's files are together, before they are
+# packed. It completes the slot.
+set -eu
+target=$1 board=$2
+project=$(cd "$(dirname "$0")/../.." && pwd)
+
+mkdir -p "$target/boot" "$target/var"
+
+# What packages bring and nothing here uses.
+rm -rf "$target/usr/share/udhcpc" "$target/usr/lib/udev" "$target/etc/profile.d"
+rm -f "$target/linuxrc" "$target/etc/os-release" "$target/usr/lib/os-release" \
+	"$target/usr/bin/captest" "$target/usr/bin/filecap" "$target/usr/bin/netcap" "$target/usr/bin/pscap" \
+	"$target/usr/bin/scmp_sys_resolver"
+
+# Users: root, nobody, and those of users.txt, which come later.
+sed -i -n -e '/^root:/p' -e '/^nobody:/p' "$target/etc/passwd" "$target/etc/shadow"
+
+version=$(sed -n 's/^project(odid-daemon VERSION \([0-9.]*\).*/\1/p' "$project/package/odid-daemon/CMakeLists.txt")
+sed -i -e "s/@VERSION@/${version:?}/" -e "s/@BUILD_TIME@/${SOURCE_DATE_EPOCH:?}/" -e "s/@BOARD@/$board/" \
+	"$target/etc/odid-release"
+
+# The board's device tree by the name that boot.cmd knows. QEMU hands its own over.
+set -- "$BINARIES_DIR/"*.dtb
+if [ -e "$1" ]; then
+	rm -f "$target/boot/"*.dtb
+	cp "$1" "$target/boot/board.dtb"
+fi
+
+# Of the radios' firmware only what this board's radios load.
+if [ -e "$project/board/$board/firmware-files" ]; then
+	rm -rf "$target/lib/firmware.part"
+	while read -r name; do
+		case $name in '' | '#'*) continue ;; esac
+		[ -e "$target/lib/firmware/$name" ] || {
+			echo "board/$board/firmware-files: no package brought $name" >&2
+			exit 1
+		}
+		mkdir -p "$(dirname "$target/lib/firmware.part/$name")"
+		cp -L "$target/lib/firmware/$name" "$target/lib/firmware.part/$name"
+	done <"$project/board/$board/firmware-files"
+	rm -rf "$target/lib/firmware"
+	mv "$target/lib/firmware.part" "$target/lib/firmware"
+fi

@@ -1,0 +1,48 @@
+# The layer's packages, and what it adds to Buildroot's own.
+
+include $(sort $(wildcard $(BR2_EXTERNAL_ODID_PATH)/package/*/*.mk))
+
+ODID_BOARD_DIR = $(BR2_EXTERNAL_ODID_PATH)/../board
+
+# --- Kernel and BusyBox are what their fragments name, and nothing else -----
+
+# allnoconfig with the fragments as KCONFIG_ALLCONFIG; Buildroot would start from arm64's defconfig.
+ODID_LINUX_CONFIG = $(BUILD_DIR)/odid-linux.config
+LINUX_KCONFIG_DEFCONFIG = allnoconfig
+LINUX_MAKE_ENV += KCONFIG_ALLCONFIG=$(ODID_LINUX_CONFIG)
+
+$(ODID_LINUX_CONFIG): $(LINUX_KCONFIG_FRAGMENT_FILES)
+	mkdir -p $(@D)
+	cat $^ >$@
+$(LINUX_DIR)/.stamp_dotconfig: $(ODID_LINUX_CONFIG)
+
+# BusyBox' allnoconfig knows no such file; a script of ours, shared with the bench, does the same.
+define ODID_BUSYBOX_CONFIG
+	cd $(@D) && PATH="$(BR_PATH)" $(abspath $(ODID_BOARD_DIR))/common/busybox-config.sh
+endef
+PACKAGES_BUSYBOX_CONFIG_FIXUPS += $(ODID_BUSYBOX_CONFIG)$(sep)
+
+# --- A wish that did not survive is an error --------------------------------
+
+ODID_CHECK_CONFIG = $(ODID_BOARD_DIR)/common/check-config.sh
+
+define ODID_CHECK_LINUX
+	$(ODID_CHECK_CONFIG) "kernel" $(@D)/.config $(LINUX_KCONFIG_FRAGMENT_FILES)
+endef
+LINUX_PRE_BUILD_HOOKS += ODID_CHECK_LINUX
+
+define ODID_CHECK_BUSYBOX
+	$(ODID_CHECK_CONFIG) "BusyBox" $(@D)/.config $(ODID_BOARD_DIR)/common/busybox.fragment
+endef
+BUSYBOX_PRE_BUILD_HOOKS += ODID_CHECK_BUSYBOX
+
+define ODID_CHECK_UBOOT
+	$(ODID_CHECK_CONFIG) "U-Boot" $(@D)/.config $(UBOOT_KCONFIG_FRAGMENT_FILES)
+endef
+UBOOT_PRE_BUILD_HOOKS += ODID_CHECK_UBOOT
+
+ifeq ($(BR_BUILDING),y)
+ifneq ($(shell $(ODID_CHECK_CONFIG) "Buildroot" $(BR2_CONFIG) $(call qstrip,$(BR2_DEFCONFIG)) || echo lost),)
+$(error see above)
+endif
+endif
