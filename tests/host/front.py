@@ -30,6 +30,8 @@ import sys
 import time
 import tty
 
+from .orders import Orders
+
 COMMAND, EVENT = 0x01, 0x04
 COMMAND_COMPLETE, COMMAND_STATUS = 0x0E, 0x0F
 READ_FEATURES = 0x2003
@@ -119,7 +121,7 @@ class Front:
         self.refusals = {}  # opcode -> status, once each
         self.selector = selectors.DefaultSelector()
         self.master = self.controller = None
-        self.orders = b""
+        self.orders = Orders(self.obey)
         self.selector.register(sys.stdin.fileno(), selectors.EVENT_READ, self.on_order)
 
     # --- the air's end --------------------------------------------------------
@@ -237,17 +239,8 @@ class Front:
                 raise ValueError(f"unknown order {' '.join(words)!r}")
 
     def on_order(self):
-        data = os.read(sys.stdin.fileno(), 4096)
-        if not data:
+        if not self.orders.take():
             sys.exit(0)  # whoever started us is gone
-        *lines, self.orders = (self.orders + data).split(b"\n")
-        for line in lines:
-            try:
-                self.obey(line.decode().split())
-            except ValueError as error:
-                print(f"error: {error}", flush=True)
-            else:
-                print("done", flush=True)
 
     def run(self):
         print("done", flush=True)

@@ -25,6 +25,8 @@ import sys
 import time
 from pathlib import Path
 
+from .orders import Orders
+
 BEACON_INTERVAL_TU = 100
 BEACON_INTERVAL_S = BEACON_INTERVAL_TU * 1024e-6
 REQUEST_MAX = 4096  # hostapd's CTRL_IFACE_MAX_LEN
@@ -88,7 +90,7 @@ class Hostapd:
         self.given, self.active = b"", b""  # by SET; by UPDATE_BEACON
         self.fail, self.muted, self.enabled, self.delay_s = 0, False, True, 0.0
         self.answers, self.number = [], itertools.count()  # due, number, text, address
-        self.orders = b""
+        self.orders = Orders(self.obey)
 
     # --- the control interface ----------------------------------------------
 
@@ -160,17 +162,8 @@ class Hostapd:
                 raise ValueError(f"unknown order {' '.join(words)!r}")
 
     def on_order(self):
-        data = os.read(sys.stdin.fileno(), 4096)
-        if not data:
+        if not self.orders.take():
             raise SystemExit(0)  # whoever started us is gone
-        *lines, self.orders = (self.orders + data).split(b"\n")
-        for line in lines:
-            try:
-                self.obey(line.decode().split())
-            except ValueError as error:
-                print(f"error: {error}", flush=True)
-            else:
-                print("done", flush=True)
 
     # --- the air ------------------------------------------------------------
 

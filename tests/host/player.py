@@ -21,6 +21,7 @@ import tty
 from pathlib import Path
 
 from . import tlog
+from .orders import Orders
 
 # What the judge compares the air with.
 KEPT = ("HEARTBEAT", "SYSTEM_TIME", "GLOBAL_POSITION_INT", "GPS_RAW_INT", "HOME_POSITION",
@@ -188,7 +189,7 @@ class Player:
         self.played, self.answers = JsonLines(played), JsonLines(answers)
         self.decoder = tlog.Decoder()
         self.paused = False
-        self.orders, self.has_orders = b"", True
+        self.orders, self.has_orders = Orders(self.obey), True
 
     def obey(self, words):
         match words:
@@ -200,17 +201,7 @@ class Player:
                 raise ValueError(f"unknown order {' '.join(words)!r}")
 
     def on_order(self):
-        data = os.read(sys.stdin.fileno(), 4096)
-        if not data:
-            self.has_orders = False
-        *lines, self.orders = (self.orders + data).split(b"\n")
-        for line in lines:
-            try:
-                self.obey(line.decode().split())
-            except ValueError as error:
-                print(f"error: {error}", flush=True)
-            else:
-                print("done", flush=True)
+        self.has_orders = self.orders.take()
 
     def on_answer(self):
         mono = time.monotonic()
