@@ -19,22 +19,17 @@
 
 #include "bluetooth.h"
 #include "bluetooth_commands.h"
+#include "input.h"
 #include "loop.h"
 #include "on_air.h"
 #include "quiet_log.h"
+#include "rounds.h"
 #include "serial.h"
 
 #define STEPS_MAX 100 /* of an input: the rest would only be more of the same */
 
-static struct {
-    const uint8_t *at;
-    size_t left;
-} input;
-
 static struct config config;
 static struct radio bt4, bt5;
-static struct loop_timer rounds_timer;
-static unsigned rounds;
 static int line = -1; /* the controller's end */
 static uint16_t last; /* command */
 
@@ -53,35 +48,6 @@ int serial_open(const char *path, unsigned baud, bool flow_control)
     MUST(socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0, ends) == 0);
     line = ends[1];
     return ends[0];
-}
-
-static uint8_t byte(void)
-{
-    if (input.left == 0) {
-        return 0;
-    }
-    input.left--;
-    return *input.at++;
-}
-
-static void on_round(void *context, int64_t now_us)
-{
-    (void)context;
-    (void)now_us;
-    if (rounds == 0) {
-        loop_stop();
-    } else {
-        rounds--;
-        loop_arm(&rounds_timer, 0);
-    }
-}
-
-/* Until everything that is there has been read. */
-static void run(void)
-{
-    rounds = 2;
-    loop_arm(&rounds_timer, 0);
-    MUST(loop_run() == 0);
 }
 
 /* How long its parameters must be; for extended data, at least. */
@@ -252,7 +218,7 @@ int LLVMFuzzerInitialize(int *count, char ***arguments)
     (void)arguments;
     MUST(signal(SIGPIPE, SIG_IGN) != SIG_ERR); /* a cut line would be none on a serial port */
     MUST(loop_init() == 0);
-    loop_timer_init(&rounds_timer, on_round, NULL);
+    rounds_init();
     config.bt4_enabled = config.bt5_enabled = true;
     strcpy(config.bt_adapter, "h4:/dev/line");
     return 0;

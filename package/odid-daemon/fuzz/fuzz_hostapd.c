@@ -16,9 +16,11 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include "input.h"
 #include "loop.h"
 #include "on_air.h"
 #include "quiet_log.h"
+#include "rounds.h"
 
 /* Its state must start afresh for each input, which the daemon never needs. */
 #include "../src/wifi_beacon.c"
@@ -28,15 +30,8 @@
 #define STALL_US 500000
 #define STEPS_MAX 100 /* of an input: the rest would only be more of the same */
 
-static struct {
-    const uint8_t *at;
-    size_t left;
-} input;
-
 static struct config config;
 static struct radio radio;
-static struct loop_timer rounds_timer;
-static unsigned rounds;
 static char directory[] = "/tmp/odid-fuzz-XXXXXX";
 static struct sockaddr_un own = {.sun_family = AF_UNIX}, peer;
 static socklen_t peer_size;
@@ -45,35 +40,6 @@ static bool set_asked, set_taken; /* the last request was SET; its answer was OK
 static bool update_asked;
 static uint64_t updates; /* that were answered OK */
 static int64_t begun_us;
-
-static uint8_t byte(void)
-{
-    if (input.left == 0) {
-        return 0;
-    }
-    input.left--;
-    return *input.at++;
-}
-
-static void on_round(void *context, int64_t now_us)
-{
-    (void)context;
-    (void)now_us;
-    if (rounds == 0) {
-        loop_stop();
-    } else {
-        rounds--;
-        loop_arm(&rounds_timer, 0);
-    }
-}
-
-/* Until everything that is there has been read. */
-static void run(void)
-{
-    rounds = 2;
-    loop_arm(&rounds_timer, 0);
-    MUST(loop_run() == 0);
-}
 
 /* An input takes milliseconds. On a machine that stood still meanwhile, answers rightly count as
  * late: there is nothing to judge. */
@@ -256,7 +222,7 @@ int LLVMFuzzerInitialize(int *count, char ***arguments)
     (void)arguments;
     MUST(loop_init() == 0);
     MUST(mkdtemp(directory) != NULL && atexit(remove_directory) == 0);
-    loop_timer_init(&rounds_timer, on_round, NULL);
+    rounds_init();
     config.wifi_beacon_enabled = true;
     strcpy(config.wifi_iface, "wlan0");
     strcpy(config.hostapd_dir, directory);

@@ -11,6 +11,7 @@
  */
 #include <common/mavlink.h>
 
+#include "input.h"
 #include "on_air.h"
 #include "schedule.h"
 #include "telemetry.h"
@@ -45,11 +46,6 @@ static const struct {
     uint8_t system, component;
 } senders[] = {{1, 1}, {2, 1}, {255, 190}, {1, 191}, {1, 236}, {0, 1}, {1, 237}, {254, 1}};
 
-static struct {
-    const uint8_t *at;
-    size_t left;
-} input;
-
 static struct config config;
 static struct telemetry *telemetry;
 static struct aircraft *aircraft;
@@ -57,15 +53,6 @@ static struct messages_counters counters;
 static struct messages_counter pack_counter;
 static struct schedule schedule;
 static int64_t now_us;
-
-static uint8_t byte(void)
-{
-    if (input.left == 0) {
-        return 0;
-    }
-    input.left--;
-    return *input.at++;
-}
 
 static size_t some(size_t count)
 {
