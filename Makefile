@@ -40,12 +40,12 @@ endef
 
 .PHONY: help
 help:
-	@echo 'make demo       a flight on the air, judged by an independent listener (30 s)'
-	@echo 'make demo-host  the same: the daemon alone, on this machine'
-	@echo 'make demo-appliance  the same with the whole appliance, booted in QEMU'
+	@echo 'make demo       boots the appliance in QEMU and flies it past an independent listener'
+	@echo 'make demo-host  the same flight through the daemon alone, on this machine'
 	@echo 'make test       every test that fits in minutes, with a summary'
-	@echo 'make system     boots the appliance and does it harm (being built: not all of it passes yet)'
-	@echo 'make test-long  whole flights, long fuzzing, long benchmarks (hours)'
+	@echo 'make system     of these only those that boot the appliance and do it harm'
+	@echo 'make test-long  whole flights, long fuzzing, long benchmarks, the soak (hours)'
+	@echo 'make soak       the appliance in flight for half an hour: nothing may go wrong or grow'
 	@echo 'make bench      measures the daemon beside the field study'\''s figures'
 	@echo 'make daemon     only builds the daemon: build/daemon'
 	@echo 'make appliance  only builds the disk that the bench boots: build/appliance/disk.img'
@@ -108,10 +108,8 @@ endif
 
 # --- Showing and measuring --------------------------------------------------
 
-.PHONY: demo demo-host demo-appliance bench
-demo: demo-host
-
-demo-appliance: appliance
+.PHONY: demo demo-host bench soak
+demo: appliance
 	@$(RUN) tests/bench/demo.py
 
 demo-host: daemon
@@ -119,6 +117,9 @@ demo-host: daemon
 
 bench: daemon
 	@$(RUN) tests/host/bench.py
+
+soak: appliance
+	@$(RUN) tests/bench/soak.py
 
 # --- Testing ----------------------------------------------------------------
 
@@ -129,23 +130,25 @@ left = echo $$? >build/test/$(1).exit
 
 .PHONY: test test-long
 test: FUZZ_SECONDS = 20
-test: LEVELS = check unit fuzz host
+test: LEVELS = check unit fuzz host system faults
 test:
 	@rm -rf build/test && mkdir -p build/test && date +%s >build/test/started
-	@$(MAKE) --no-print-directory daemon unit fuzzers
+	@$(MAKE) --no-print-directory daemon unit fuzzers appliance
 	$(test-levels)
 	@$(RUN) tests/summary.py build/test $(LEVELS)
 
 # FUZZ_SECONDS= makes it longer yet.
 test-long: FUZZ_SECONDS = 600
-test-long: LEVELS = check unit fuzz host bench
+test-long: LEVELS = check unit fuzz host system faults bench soak
 test-long: export TEST_LONG = 1
 test-long:
 	@rm -rf build/test && mkdir -p build/test && date +%s >build/test/started
-	@$(MAKE) --no-print-directory daemon unit fuzzers
+	@$(MAKE) --no-print-directory daemon unit fuzzers appliance
 	$(test-levels)
 	@$(RUN) tests/levels/command.py build/test/bench.xml \
 		$(RUN) tests/host/bench.py --long || $(call left,bench)
+	@$(RUN) tests/levels/command.py build/test/soak.xml \
+		$(RUN) tests/bench/soak.py || $(call left,soak)
 	@$(RUN) tests/summary.py build/test $(LEVELS)
 
 define test-levels
@@ -156,13 +159,27 @@ define test-levels
 	--output-junit $(CURDIR)/build/test/unit.xml || $(call left,unit)
 @$(RUN) tests/levels/fuzz.py --seconds $(FUZZ_SECONDS) --jobs $(JOBS) \
 	--junit build/test/fuzz.xml || $(call left,fuzz)
-@$(RUN) -m pytest tests --ignore=tests/bench -o cache_dir=build/pytest -ra \
-	--continue-on-collection-errors --junit-xml=build/test/host.xml || $(call left,host)
+@$(RUN) -m pytest tests --ignore=tests/bench $(PYTEST) --junit-xml=build/test/host.xml || \
+	$(call left,host)
+$(system-levels)
+endef
+
+PYTEST = -o cache_dir=build/pytest -ra --continue-on-collection-errors
+
+# Two machines at once: they wait most of the time. What the faults' run says comes when it is over.
+define system-levels
+@$(RUN) -m pytest tests/bench/test_faults.py $(PYTEST) --junit-xml=build/test/faults.xml \
+	>build/test/faults.log 2>&1 & \
+$(RUN) -m pytest tests/bench --ignore=tests/bench/test_faults.py $(PYTEST) \
+	--junit-xml=build/test/system.xml || $(call left,system); \
+wait $$! || $(call left,faults); cat build/test/faults.log
 endef
 
 .PHONY: system
 system: appliance
-	@$(RUN) -m pytest tests/bench -o cache_dir=build/pytest -ra
+	@mkdir -p build/test && rm -f build/test/system.* build/test/faults.* && date +%s >build/test/started
+	$(system-levels)
+	@$(RUN) tests/summary.py build/test system faults
 
 .PHONY: check format
 check: build/venv/stamp

@@ -116,7 +116,7 @@ def bluetooth_controller(machine):
 def replugged(machine):
     """Something still has the old node open, so the adapter comes back under another number."""
     old = machine.must("ls /dev/ttyUSB*").split()
-    machine.must(f"(setsid sleep 30 <{old[0]} >/dev/null 2>&1 &)")
+    machine.must(f"(setsid sleep 30 2>/dev/null >/dev/null <{old[0]} &)")
     at = time.monotonic()
     machine.unplug()
     machine.wait_inside("the port to vanish", f"[ ! -e {old[0]} ]")
@@ -154,7 +154,8 @@ def silent(machine):
 def rebooted(machine):
     """Silence, then positions again, from an autopilot whose clock since its start began anew."""
     into_s = time.monotonic() - machine.flight_mono
-    flight = restarted(machine.flight, machine.folder / "restarted.tlog", into_s)
+    # It has been up for less time than it was silent.
+    flight = restarted(machine.flight, machine.folder / "restarted.tlog", into_s + 1.5, boot_s=0.5)
     at = time.monotonic()
     machine.player.order("pause")
     problems = told(machine, at)

@@ -324,7 +324,7 @@ class Machine:
                           "usleep 20000; done; cat /proc/uptime", timeout_s * 3 + 20)
         if result.code:
             raise TimeoutError(f"waited {timeout_s} s in vain for {what} in the machine: {result.output}")
-        return self.mono(float(result.output.split()[0]))
+        return self.mono(float(result.output.splitlines()[-1].split()[0]))
 
     def status(self):
         """The daemon's own view, None when it doesn't answer."""
@@ -358,10 +358,11 @@ class Machine:
                               lambda: re.search(pattern, self.console_text()), timeout_s)
 
     def started(self):
-        """time.monotonic() at which the appliance's init began: its first boot script's line."""
-        match = re.search(r"^\[ *([\d.]+)\] odid: boot: ", self.must("dmesg | grep 'odid: boot: '"), re.M)
+        """time.monotonic() at which the appliance's init was started: what the kernel says of it, or the
+        bench's initial file system (guest/init) on its behalf."""
+        match = re.search(r"^\[ *([\d.]+)\] Run /sbin/init as init process", self.must("dmesg"), re.M)
         if not match:
-            raise RuntimeError("no boot script has said anything in the kernel's log")
+            raise RuntimeError("the kernel's log does not say when init was started")
         return self.mono(float(match[1]))
 
     def port_mono(self):
@@ -377,8 +378,10 @@ class Machine:
         """Begins a flight; the player stays when it is over."""
         if self.player:
             self.player.stop()
-        words = [flight, "--to", f"unix:{self._sockets}/fc", "--start", start,
-                 "--played", self.folder / "played.jsonl", "--answers", self.folder / "answers.jsonl"]
+        played = self.folder / "played.jsonl"
+        played.write_text("")  # else an earlier flight's lines are taken for this one's
+        words = [flight, "--to", f"unix:{self._sockets}/fc", "--start", start, "--played", played,
+                 "--answers", self.folder / "answers.jsonl"]
         if seconds:
             words += ["--seconds", seconds]
         self.player = parts.Part(parts.python("host.player", *words), self.folder / "player.log", orders=True,

@@ -11,8 +11,9 @@
 
 #include "config.h"
 
-/* Without a byte for this long an open link counts as silent, and is reported. */
-#define LINK_SILENT_US 3000000
+/* Without a byte for this long an open link counts as silent, and is reported: an autopilot says at
+ * least its HEARTBEAT each second. */
+#define LINK_SILENT_US 2000000
 
 enum link_state {
     LINK_ABSENT, /* device or address not there: retried every 250 ms */

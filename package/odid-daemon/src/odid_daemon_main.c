@@ -35,11 +35,14 @@
 #include "telemetry.h"
 #include "wifi_beacon.h"
 
-#define TICK_US 1000000
+/* The pilot is told once a second, and at once when good turns into bad or bad into good. */
+#define TELL_US 1000000
+#define LOOK_US 250000
 /* Positions slower than this are asked for ... */
 #define POSITION_RATE_MIN_HZ 3.8
 /* ... at this interval, ... */
 #define POSITION_INTERVAL_US 200000
+#define SYSTEM_TIME_INTERVAL_US 1000000
 /* ... again after this long, doubling each time up to the second figure. */
 #define ASK_AGAIN_US 10000000
 #define ASK_AGAIN_MAX_US 80000000
@@ -59,9 +62,10 @@ static struct {
     struct pilot pilot;
     struct status_lateness lateness;
     struct aircraft_takeoff stored_takeoff;
-    struct loop_timer slot, tick;
+    struct loop_timer slot, look;
     struct loop_watch signals;
-    int64_t start_us, tick_us, ask_us, ask_wait_us;
+    int64_t start_us, look_us, tell_us, ask_us, ask_wait_us;
+    bool told_fault;
     bool realtime;
 } self = {.signals.fd = -1};
 
@@ -191,7 +195,7 @@ static void ask_for_positions(const struct aircraft_condition *condition, uint8_
         pilot_ask_rate(&self.pilot, vehicle, ID_OPEN_DRONE_ID_LOCATION, POSITION_INTERVAL_US);
     }
     if (!condition->time_known) {
-        pilot_ask_rate(&self.pilot, vehicle, ID_SYSTEM_TIME, TICK_US);
+        pilot_ask_rate(&self.pilot, vehicle, ID_SYSTEM_TIME, SYSTEM_TIME_INTERVAL_US);
     }
     self.ask_us = now_us + self.ask_wait_us;
     self.ask_wait_us *= self.ask_wait_us < ASK_AGAIN_MAX_US ? 2 : 1;
@@ -215,7 +219,18 @@ static void keep_takeoff(bool armed)
     }
 }
 
-static void on_tick(void *context, int64_t now_us)
+static void tell(uint8_t vehicle, const char *reason, int64_t now_us)
+{
+    bool fault = reason[0] != '\0';
+
+    if (now_us >= self.tell_us || fault != self.told_fault) {
+        pilot_tell(&self.pilot, vehicle, reason);
+        self.told_fault = fault;
+        self.tell_us = now_us + TELL_US - LOOK_US / 2; /* the look that is nearest to a second */
+    }
+}
+
+static void on_look(void *context, int64_t now_us)
 {
     struct health_input input;
     struct health health;
@@ -226,7 +241,7 @@ static void on_tick(void *context, int64_t now_us)
     (void)context;
     if (vehicle != 0) {
         judge(&input, &health, &view, &condition, now_us);
-        pilot_tell(&self.pilot, vehicle, health_reason(&health));
+        tell(vehicle, health_reason(&health), now_us);
         for (enum channel channel = 0; channel < CHANNELS; channel++) {
             pilot_channel(&self.pilot, vehicle, channel, &self.radios[channel], now_us);
         }
@@ -234,11 +249,11 @@ static void on_tick(void *context, int64_t now_us)
         keep_takeoff(condition.armed); /* not before the first HEARTBEAT: it decides whether the
                                           kept one counts */
     }
-    self.tick_us += TICK_US;
-    if (self.tick_us <= now_us) {
-        self.tick_us = now_us + TICK_US;
+    self.look_us += LOOK_US;
+    if (self.look_us <= now_us) {
+        self.look_us = now_us + LOOK_US;
     }
-    loop_arm(&self.tick, self.tick_us);
+    loop_arm(&self.look, self.look_us);
 }
 
 /* ---- start and end ---- */
@@ -289,7 +304,7 @@ static void start_modules(int64_t now_us)
 {
     struct aircraft_takeoff takeoff;
 
-    self.start_us = self.tick_us = self.ask_us = now_us;
+    self.start_us = self.look_us = self.ask_us = now_us;
     self.ask_wait_us = ASK_AGAIN_US;
     self.telemetry = telemetry_init(on_update, NULL);
     self.aircraft = aircraft_init(config(), now_us);
@@ -303,10 +318,10 @@ static void start_modules(int64_t now_us)
     wifi_beacon_start(config(), &self.radios[CHANNEL_WIFI], now_us);
     link_start(config(), on_bytes, on_stream_reset, NULL, now_us);
     loop_timer_init(&self.slot, on_slot, NULL);
-    loop_timer_init(&self.tick, on_tick, NULL);
+    loop_timer_init(&self.look, on_look, NULL);
     schedule_start(&self.schedule, now_us);
     loop_arm(&self.slot, now_us);
-    loop_arm(&self.tick, now_us);
+    loop_arm(&self.look, now_us);
     alive_start(now_us);
 }
 

@@ -124,7 +124,7 @@ static void a_serial_port_is_read_lost_and_found_again(void **state)
     assert_int_equal(link_status()->opened, 2);
 
     /* A port that falls silent is reported. */
-    run_ms(3200);
+    run_ms(2200);
     assert_int_equal(link_status()->state, LINK_SILENT);
     close(master);
     unlink(config.device);

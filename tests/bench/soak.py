@@ -1,0 +1,141 @@
+"""`make soak`: the appliance in a flight of half an hour, without a fault: nothing may go wrong on the
+air, and nothing may grow in the machine.
+
+  SECONDS=<n>      how long (1800)
+
+Every minute it is looked at from the bench's own console: memory that only the process itself has
+(RssAnon), open file descriptors and used disk. What grew is the difference between the sample after
+SETTLED_S, when every service has done all it does once, and the last one.
+"""
+
+import datetime
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections import namedtuple
+from pathlib import Path
+
+if __package__ is None:
+    sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from bench import flights, limits
+from bench.machine import CHANNELS, Machine, missing
+from host import parts
+
+FOLDER = parts.ROOT / "build/soak"
+DEFAULT_S = 1800
+SETTLED_S = 180
+EVERY_S = 60
+# What may grow: the allocator's and the shell's rounding in memory, and the flight record on the disk,
+# which has one line every 10 s at most, and an end.
+GROWTH = {"rss_anon_kib": 128, "file_descriptors": 0, "memory_kib": 2048, "tmpfs_kib": 64, "data_kib": 256}
+Sample = namedtuple("Sample", "at_s processes rss_anon_kib file_descriptors memory_kib tmpfs_kib data_kib")
+
+# Per process: name, RssAnon, descriptors. Only services that run on: not what a script starts for a moment.
+LOOK = """
+for file in /run/pid/*; do
+    read -r pid _ <$file
+    for p in $pid $(cat /proc/$pid/task/$pid/children 2>/dev/null); do
+        read -r name 2>/dev/null </proc/$p/comm || continue
+        case $name in sleep|usleep|sh) [ $p = $pid ] || continue;; esac
+        echo process ${file##*/}/$name $(sed -n 's/RssAnon: *\\([0-9]*\\).*/\\1/p' /proc/$p/status) $(ls /proc/$p/fd | wc -l)
+    done
+done
+echo memory $(sed -n 's/^MemAvailable: *\\([0-9]*\\).*/\\1/p' /proc/meminfo)
+df -k /run /tmp /var | while read -r device _ used _; do [ "$used" = Used ] || echo tmpfs $used; done
+df -k /data | while read -r device _ used _; do [ "$used" = Used ] || echo data $used; done
+"""
+
+
+def look(machine, at_s):
+    """What there is at this moment."""
+    processes, sums = {}, {"memory": 0, "tmpfs": 0, "data": 0}
+    for line in machine.must(LOOK).splitlines():
+        kind, *words = line.split()
+        if kind == "process" and len(words) == 3:
+            rss_kib, descriptors = processes.get(words[0], (0, 0))
+            processes[words[0]] = rss_kib + int(words[1]), descriptors + int(words[2])
+        elif kind in sums:
+            sums[kind] += int(words[0])
+    if not any(name.endswith("/odid-daemon") for name in processes):
+        raise RuntimeError(f"the daemon is not among the processes: {sorted(processes)}")
+    return Sample(at_s, processes, sum(one for one, _ in processes.values()),
+                  sum(one for _, one in processes.values()), sums["memory"], sums["tmpfs"], sums["data"])
+
+
+def growth(samples):
+    """What grew from the first settled sample to the last one, in GROWTH's units."""
+    first, last = next(one for one in samples if one.at_s >= SETTLED_S), samples[-1]
+    grown = {name: getattr(last, name) - getattr(first, name) for name in GROWTH}
+    grown["memory_kib"] = -grown["memory_kib"]  # what is available gets less
+    return grown
+
+
+def fly(machine, seconds):
+    """The flight, judged and looked at. The judge's exit code and the samples."""
+    machine.power_on()
+    machine.wait_on_air()
+    machine.play(flights.generate(FOLDER / "flight.tlog", seconds + 60))
+    machine.wait_on_air(position=True)
+    time.sleep(3)
+    judge = machine.judge(seconds, "--played", machine.folder / "played.jsonl", "--expect", ",".join(CHANNELS),
+                          *limits.arguments(), out=FOLDER)
+    start, samples = time.monotonic(), []
+    try:
+        while (at_s := time.monotonic() - start) < seconds - 5:
+            samples.append(look(machine, at_s))
+            one = samples[-1]
+            print(f"soak: {at_s:6.0f} s  RssAnon {one.rss_anon_kib} KiB, {one.file_descriptors} descriptors, "
+                  f"{one.memory_kib} KiB available, tmpfs {one.tmpfs_kib} KiB, /data {one.data_kib} KiB", flush=True)
+            time.sleep(max(0.0, min(EVERY_S, seconds - 4 - (time.monotonic() - start))))
+        code = judge.process.wait(timeout=300)
+    finally:
+        judge.stop()
+    print(judge.log())
+    return code, samples
+
+
+def main():
+    seconds = float(os.environ.get("SECONDS") or DEFAULT_S)
+    if seconds < SETTLED_S + EVERY_S:
+        sys.exit(f"soak: SECONDS={seconds:g}: at least {SETTLED_S + EVERY_S} are needed to see growth")
+    reason = missing()
+    if reason:
+        sys.exit(f"soak: {reason}")
+    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))  # ends its parts, too
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    machine = Machine(FOLDER / "machine")
+    try:
+        code, samples = fly(machine, seconds)
+        faults = machine.run("ls /run/faults").output.split()
+    finally:
+        machine.close()
+    (FOLDER / "samples.json").write_text(json.dumps([one._asdict() for one in samples], indent=1) + "\n")
+    grown, problems = growth(samples), [] if code == 0 else [f"the judge ended with {code}"]
+    for name, limit in GROWTH.items():
+        print(f"{name}: grew by {grown[name]} ({limit} allowed)")
+        if grown[name] > limit:
+            problems.append(f"{name} grew by {grown[name]}")
+    if faults:
+        problems.append(f"faults: {', '.join(faults)}")
+    path = FOLDER / "figures.json"
+    figures = json.loads(path.read_text())
+    commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=parts.ROOT, capture_output=True, text=True)
+    figures.update({f"growth_{name}": value for name, value in grown.items()}, soak_s=seconds,
+                   commit=commit.stdout.strip() or "unknown", verdict="FAIL" if problems else "PASS",
+                   date=datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds"))
+    path.write_text(json.dumps(figures, indent=1) + "\n")
+    print("\n".join(problems + [figures["verdict"]]))
+    return 1 if problems else 0
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main())
+    except KeyboardInterrupt:
+        sys.exit(130)
+    except (TimeoutError, RuntimeError, FileNotFoundError) as error:
+        sys.exit(f"soak: {error}")
