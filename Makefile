@@ -45,6 +45,7 @@ help:
 	@echo 'make test       every test that fits in minutes, with a summary'
 	@echo 'make system     of these only those that boot the appliance and do it harm'
 	@echo 'make test-long  whole flights, long fuzzing, long benchmarks, the soak (hours)'
+	@echo 'make faults-without  faults done to an appliance that lacks what is there against them'
 	@echo 'make soak       the appliance in flight for half an hour: nothing may go wrong or grow'
 	@echo 'make bench      measures the daemon beside the field study'\''s figures'
 	@echo 'make daemon     only builds the daemon: build/daemon'
@@ -130,7 +131,7 @@ left = echo $$? >build/test/$(1).exit
 
 .PHONY: test test-long
 test: FUZZ_SECONDS = 20
-test: LEVELS = check unit fuzz host system faults
+test: LEVELS = check unit fuzz host system
 test:
 	@rm -rf build/test && mkdir -p build/test && date +%s >build/test/started
 	@$(MAKE) --no-print-directory daemon unit fuzzers appliance
@@ -139,7 +140,7 @@ test:
 
 # FUZZ_SECONDS= makes it longer yet.
 test-long: FUZZ_SECONDS = 600
-test-long: LEVELS = check unit fuzz host system faults bench soak
+test-long: LEVELS = check unit fuzz host system bench soak without
 test-long: export TEST_LONG = 1
 test-long:
 	@rm -rf build/test && mkdir -p build/test && date +%s >build/test/started
@@ -149,6 +150,8 @@ test-long:
 		$(RUN) tests/host/bench.py --long || $(call left,bench)
 	@$(RUN) tests/levels/command.py build/test/soak.xml \
 		$(RUN) tests/bench/soak.py || $(call left,soak)
+	@$(RUN) tests/levels/command.py build/test/without.xml \
+		$(RUN) tests/bench/without.py || $(call left,without)
 	@$(RUN) tests/summary.py build/test $(LEVELS)
 
 define test-levels
@@ -161,25 +164,17 @@ define test-levels
 	--junit build/test/fuzz.xml || $(call left,fuzz)
 @$(RUN) -m pytest tests --ignore=tests/bench $(PYTEST) --junit-xml=build/test/host.xml || \
 	$(call left,host)
-$(system-levels)
+@$(RUN) -m pytest tests/bench $(PYTEST) --junit-xml=build/test/system.xml || $(call left,system)
 endef
 
 PYTEST = -o cache_dir=build/pytest -ra --continue-on-collection-errors
 
-# Two machines at once: they wait most of the time. What the faults' run says comes when it is over.
-define system-levels
-@$(RUN) -m pytest tests/bench/test_faults.py $(PYTEST) --junit-xml=build/test/faults.xml \
-	>build/test/faults.log 2>&1 & \
-$(RUN) -m pytest tests/bench --ignore=tests/bench/test_faults.py $(PYTEST) \
-	--junit-xml=build/test/system.xml || $(call left,system); \
-wait $$! || $(call left,faults); cat build/test/faults.log
-endef
-
-.PHONY: system
+.PHONY: system faults-without
 system: appliance
-	@mkdir -p build/test && rm -f build/test/system.* build/test/faults.* && date +%s >build/test/started
-	$(system-levels)
-	@$(RUN) tests/summary.py build/test system faults
+	@$(RUN) -m pytest tests/bench $(PYTEST)
+
+faults-without: appliance
+	@$(RUN) tests/bench/without.py
 
 .PHONY: check format
 check: build/venv/stamp

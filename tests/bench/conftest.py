@@ -1,4 +1,5 @@
-"""Booted appliances for tests. What they are made of: README.md."""
+"""Booted appliances for tests, never more of them than one file of tests needs: a machine that runs beside
+another one shows in its figures. What they are made of: README.md."""
 
 import time
 
@@ -30,7 +31,7 @@ def started(folder, **options):
     return machine
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def flying():
     """An appliance in a moving flight, all channels on the air, nothing wrong."""
     machine = started("flying")
@@ -41,7 +42,7 @@ def flying():
     machine.close()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def grounded():
     """An appliance whose autopilot was never heard: it counts as disarmed. Its maintenance has a password."""
     machine = started("grounded", config={"odid.conf": GROUND})

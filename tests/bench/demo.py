@@ -1,4 +1,4 @@
-"""`make demo-appliance`: boots the appliance in an emulated machine and flies past an independent listener.
+"""`make demo`: boots the appliance in an emulated machine and flies past an independent listener.
 
   FLIGHT=<log>     the flight to play; default: the recorded one in TEST_DATA, else a generated one
   SECONDS=<n>      how long the listener listens (30)
@@ -87,7 +87,7 @@ def main():
         time.sleep(LEAD_S)
         if machine.player.process.poll() is not None:
             raise RuntimeError(f"the flight can't be played: {machine.player.log().strip()}")
-        code, status = listen(machine, seconds, f"make demo-appliance: {flight.name}")
+        code, status = listen(machine, seconds, f"make demo: {flight.name}")
     finally:
         machine.close()
     return conclude(code, status, figures)

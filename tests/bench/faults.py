@@ -9,7 +9,7 @@ channel counts (gaps.py). What else was to be seen and wasn't is in `problems`.
 import random
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from host import parts
 
@@ -41,7 +41,8 @@ class Fault:
     limit_s: float
     inject: Callable
     channels: tuple = CHANNELS
-    watch_s: float = 3.0  # beyond the limit
+    watch_s: float = 2.0  # beyond the limit
+    undo: str = ""  # a command, when it was watched long enough
 
 
 @dataclass(frozen=True)
@@ -294,3 +295,54 @@ BOOTS = (
     Boot("data_missing", "/data missing at boot", prepare=missing_data),
 )
 NAMES = tuple(one.name for one in (*IN_FLIGHT, *BOOTS))
+
+
+# --- the same, without what mends it ------------------------------------------------
+
+
+def without(name, what, take_away, give_back):
+    """A fault of the list, with what is there against it taken away before: it has to miss its limit."""
+    fault = next(one for one in IN_FLIGHT if one.name == name)
+
+    def inject(machine):
+        machine.must(take_away)
+        return fault.inject(machine)
+    return replace(fault, what=f"{fault.what}, without {what}", inject=inject, undo=give_back)
+
+
+def stopped(process):
+    return f"kill -STOP {process}", f"kill -CONT {process}"
+
+
+KEEPER = stopped("$(pidof odid-keeper)")
+
+
+def supervisor(service):
+    """Its supervisor is there, and does nothing."""
+    return stopped(f"$(pgrep -f 'runsv /run/service/{service}$')")
+
+
+def service(name):
+    return f"sv down {name}", f"sv up {name}"
+
+
+# Against the others there is no part that could be left out of a machine that runs: it is how the
+# daemon is made, and its own tests show it.
+WITHOUT = (
+    without("daemon_sigkill", "its keeper", *KEEPER),
+    without("daemon_sigsegv", "its keeper", *KEEPER),
+    without("daemon_sigstop", "its keeper", *KEEPER),
+    without("daemon_spin", "its keeper", *KEEPER),
+    without("hostapd_sigkill", "its supervisor", *supervisor("hostapd")),
+    without("hostapd_sigstop", "hostapd-watch", *service("hostapd-watch")),
+    without("wifi_radio", "mdev", *service("mdev")),
+    without("autopilot_replugged", "mdev", *service("mdev")),
+    without("relay_sigkill", "its supervisor", *supervisor("mavlink-router")),
+    without("load", "memory kept for what runs",
+            "echo n >/sys/kernel/mm/lru_gen/enabled; echo 0 >/sys/kernel/mm/lru_gen/min_ttl_ms",
+            "echo y >/sys/kernel/mm/lru_gen/enabled; echo 1000 >/sys/kernel/mm/lru_gen/min_ttl_ms"),
+    # Init is told to start no supervisor again.
+    without("everything_killed", "init's starting them again",
+            "grep -v respawn /etc/inittab >/tmp/inittab && mount --bind /tmp/inittab /etc/inittab && kill -HUP 1",
+            "umount /etc/inittab && kill -HUP 1"),
+)

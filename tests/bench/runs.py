@@ -79,6 +79,8 @@ class Run:
         injected = fault.inject(self.machine)
         mended = max(injected.at, injected.back or 0) + fault.limit_s + fault.watch_s
         time.sleep(max(0.0, mended - time.monotonic()))
+        if fault.undo:
+            self.machine.must(fault.undo)
         self.windows[fault.name] = injected, time.monotonic()
 
     def stop(self):
@@ -110,9 +112,9 @@ def judge_window(fault, contents, window):
     return Outcome(fault.name, fault.what, fault.limit_s, gap_s, channel, problems=problems)
 
 
-def in_flight(names=None, say=print):
+def in_flight(wanted=faults.IN_FLIGHT, say=print):
     """All faults that a flight bears, one after the other; a new boot only where one left ruins."""
-    left = [fault for fault in faults.IN_FLIGHT if names is None or fault.name in names]
+    left = list(wanted)
     outcomes, boots = {}, 0
     while left:
         boots += 1
@@ -179,7 +181,7 @@ def boot(fault, say=print):
             due = max(started + max(fault.to_first_s.values()), run.machine.port_mono() + faults.POSITION_S)
             time.sleep(max(0.0, due - time.monotonic()))
             injected = faults.Injected(started, due)
-        time.sleep(fault.limit_s + 8)
+        time.sleep(fault.limit_s + 4)
         until = time.monotonic()
         contents = run.stop()
     except (TimeoutError, RuntimeError, ConnectionError) as error:

@@ -8,7 +8,7 @@ import time
 from .machine import configuration
 
 CUTS = 300 if os.environ.get("TEST_LONG") else 20
-WRITE_S = 1.0  # longer than a write takes
+WRITE_S = 0.25  # longer than it takes from the command to its rename being on the disk
 
 
 def description(number):
@@ -26,11 +26,9 @@ def test_power_cuts(make_machine):
     machine.wait_on_air()
     now, seen = description(0), {"old": 0, "new": 0}
     for number in range(1, CUTS + 1):
-        # Written over and over, so that the cut falls into a write: either text is whole.
         wanted = description(number)
-        machine.shell.send(f"while :; do odidctl set self_id.description '{wanted}'; "
-                           f"odidctl set self_id.description '{now}'; done")
-        time.sleep(WRITE_S + chance.uniform(0, 0.5))
+        machine.shell.send(f"odidctl set self_id.description '{wanted}'")
+        time.sleep(chance.uniform(0, WRITE_S))
         machine.cut_power()
         machine.power_on()
         machine.wait_on_air(timeout_s=60)

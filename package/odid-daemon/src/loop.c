@@ -1,8 +1,10 @@
 #include "loop.h"
 
 #include <errno.h>
+#include <signal.h>
 #include <stddef.h>
 #include <sys/epoll.h>
+#include <sys/signalfd.h>
 #include <sys/timerfd.h>
 #include <time.h>
 #include <unistd.h>
@@ -78,6 +80,27 @@ void loop_unwatch(struct loop_watch *watch)
             self.ready[i].data.ptr = NULL;
         }
     }
+}
+
+int loop_watch_signals(struct loop_watch *watch, int another, loop_watch_fn *call, void *context)
+{
+    sigset_t set;
+    int fd;
+
+    sigemptyset(&set);
+    sigaddset(&set, SIGTERM);
+    sigaddset(&set, SIGINT);
+    sigaddset(&set, SIGHUP); /* the terminal was closed */
+    sigaddset(&set, SIGQUIT);
+    if (another != 0) {
+        sigaddset(&set, another);
+    }
+    if (sigprocmask(SIG_BLOCK, &set, NULL) < 0) {
+        return -errno;
+    }
+    signal(SIGPIPE, SIG_IGN);
+    fd = signalfd(-1, &set, SFD_NONBLOCK | SFD_CLOEXEC);
+    return fd < 0 ? -errno : loop_watch(watch, fd, EPOLLIN, call, context);
 }
 
 void loop_timer_init(struct loop_timer *timer, loop_timer_fn *call, void *context)

@@ -38,6 +38,14 @@ int loop_watch(struct loop_watch *watch, int fd, uint32_t events, loop_watch_fn 
 int loop_watch_events(struct loop_watch *watch, uint32_t events);
 void loop_unwatch(struct loop_watch *watch);
 
+/*
+ * Watches the signals that ask a process to end (TERM, INT, HUP, QUIT) and
+ * `another` (0: none), all blocked from here on; the call reads watch->fd,
+ * signalfd(2). SIGPIPE is ignored: a logger that ended must not end us, too.
+ * Returns 0, or -errno.
+ */
+int loop_watch_signals(struct loop_watch *watch, int another, loop_watch_fn *call, void *context);
+
 /* Once per timer, before it is armed. */
 void loop_timer_init(struct loop_timer *timer, loop_timer_fn *call, void *context);
 /* (Re-)arms; a deadline that has passed fires in the next round. The timer is disarmed before its

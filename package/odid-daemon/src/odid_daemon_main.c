@@ -7,11 +7,9 @@
  */
 #include <errno.h>
 #include <pwd.h>
-#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/epoll.h>
 #include <sys/signalfd.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -271,24 +269,6 @@ static void on_signal(void *context, uint32_t events, int64_t now_us)
     }
 }
 
-static int watch_signals(void)
-{
-    sigset_t set;
-    int fd;
-
-    sigemptyset(&set);
-    sigaddset(&set, SIGTERM);
-    sigaddset(&set, SIGINT);
-    sigaddset(&set, SIGHUP); /* the terminal was closed */
-    sigaddset(&set, SIGQUIT);
-    if (sigprocmask(SIG_BLOCK, &set, NULL) < 0) {
-        return -errno;
-    }
-    signal(SIGPIPE, SIG_IGN); /* a logger that ended must not end the broadcast */
-    fd = signalfd(-1, &set, SFD_NONBLOCK | SFD_CLOEXEC);
-    return fd < 0 ? -errno : loop_watch(&self.signals, fd, EPOLLIN, on_signal, NULL);
-}
-
 /* On the appliance a boot script makes it; elsewhere we do, while we may. */
 static void make_run_dir(void)
 {
@@ -330,7 +310,7 @@ static int run(void)
     int result = loop_init();
 
     if (result == 0) {
-        result = watch_signals();
+        result = loop_watch_signals(&self.signals, 0, on_signal, NULL);
     }
     if (result < 0) {
         log_error("can't start the event loop: %s", strerror(-result));

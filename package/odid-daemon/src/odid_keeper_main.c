@@ -10,7 +10,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/epoll.h>
 #include <sys/signalfd.h>
 #include <unistd.h>
 
@@ -217,25 +216,6 @@ static void on_timer(void *context, int64_t now_us)
 
 /* ---- start ---- */
 
-static int watch_signals(void)
-{
-    sigset_t set;
-    int fd;
-
-    sigemptyset(&set);
-    sigaddset(&set, SIGTERM);
-    sigaddset(&set, SIGINT);
-    sigaddset(&set, SIGHUP);
-    sigaddset(&set, SIGQUIT);
-    sigaddset(&set, SIGCHLD);
-    if (sigprocmask(SIG_BLOCK, &set, NULL) < 0) {
-        return -errno;
-    }
-    signal(SIGPIPE, SIG_IGN); /* a logger that ended must not end the keeper */
-    fd = signalfd(-1, &set, SFD_NONBLOCK | SFD_CLOEXEC);
-    return fd < 0 ? -errno : loop_watch(&self.signals, fd, EPOLLIN, on_signal, NULL);
-}
-
 static int64_t microseconds(double seconds)
 {
     return (int64_t)(seconds * 1e6);
@@ -247,7 +227,7 @@ static int run(void)
     int result = loop_init();
 
     if (result == 0) {
-        result = watch_signals();
+        result = loop_watch_signals(&self.signals, SIGCHLD, on_signal, NULL);
     }
     if (result < 0) {
         log_error("can't start the event loop: %s", strerror(-result));

@@ -22,6 +22,7 @@
 #include "recorder_store.h"
 #include "status_ask.h"
 #include "utf8.h"
+#include "whole_file.h"
 
 #define SECOND_US 1000000
 /* Less than a second, so that a daemon that hangs doesn't cost us our own pace. */
@@ -86,26 +87,19 @@ static void look(struct recorder_snapshot *snapshot)
 /* Tells whoever asks odidctl; without that list of faults the log has to do. */
 static void tell_fault(int error)
 {
-    char path[256], fresh[256], text[320];
-    int fd;
+    char path[256], text[320];
+    int length;
 
     snprintf(path, sizeof(path), "%s" RECORDER_FAULTS_DIRECTORY "/" FAULT_NAME, self.root);
-    snprintf(fresh, sizeof(fresh), "%s" RECORDER_FAULTS_DIRECTORY "/." FAULT_NAME, self.root);
     if (error == 0) {
         self.fault_told = unlink(path) < 0 && errno != ENOENT;
         return;
     }
-    snprintf(text, sizeof(text),
-             "The flight record can't be written to %s (%s): it is in memory, and lost at "
-             "power-off.\n",
-             self.directory, strerror(error));
-    fd = open(fresh, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
-    if (fd < 0) {
-        return;
-    }
-    self.fault_told =
-        write(fd, text, strlen(text)) == (ssize_t)strlen(text) && rename(fresh, path) == 0;
-    close(fd);
+    length = snprintf(text, sizeof(text),
+                      "The flight record can't be written to %s (%s): it is in memory, and lost "
+                      "at power-off.\n",
+                      self.directory, strerror(error));
+    self.fault_told = whole_file_replace(path, text, (size_t)length, 0644) == 0;
 }
 
 static void save(int64_t now_us)

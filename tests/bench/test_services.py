@@ -1,0 +1,123 @@
+"""What the appliance is beside its broadcast: a board without radios, SSH, the flight record, and a
+daemon that can't be started any more."""
+
+import json
+import subprocess
+import time
+
+import pytest
+
+from . import flights
+from .test_air import BEACON, frames, pack
+
+OFF_AIR_S = 5.0  # after which the last payload of a daemon that isn't back is taken off the air
+
+
+def ssh(machine, key, *command, timeout_s=60):
+    """A technician's computer. Returns exit code and output; 255: not let in."""
+    done = subprocess.run(
+        ["ssh", "-i", key, "-p", str(machine.ssh_port), "-o", "BatchMode=yes", "-o", "ConnectTimeout=10",
+         "-o", "IdentitiesOnly=yes", "-o", "StrictHostKeyChecking=accept-new",
+         "-o", f"UserKnownHostsFile={machine.folder}/known_hosts", "root@127.0.0.1", *command],
+        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=timeout_s)
+    return done.returncode, done.stdout
+
+
+@pytest.fixture
+def key(tmp_path):
+    path = tmp_path / "key"
+    subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", path], check=True)
+    return path
+
+
+def test_ssh_is_for_an_installed_key_only(make_machine, key, tmp_path):
+    machine = make_machine("ssh")
+    (machine.folder / "known_hosts").unlink(missing_ok=True)
+    machine.power_on()
+    machine.wait_on_air()
+    machine.wait_inside("the firewall", "[ -e /run/odid-appliance/firewall ]", 30)
+    time.sleep(3)
+    assert "LISTEN" not in machine.must("netstat -ltn"), "SSH listens though nobody could log in"
+    machine.must("sync")
+    machine.cut_power()
+
+    machine.disk.put_config({"authorized_keys": key.with_suffix(".pub").read_bytes()})
+    machine.power_on()
+    machine.wait_inside("SSH", "netstat -ltn | grep -q :22", 60)
+    code, output = ssh(machine, key, "odidctl set self_id.description 'Set over SSH'")
+    assert code == 0, output
+    code, output = ssh(machine, key, "odidctl set system.category none-such")
+    assert code != 0 and "category" in output and "none-such" in output, output
+    other = tmp_path / "other"
+    subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", other], check=True)
+    assert ssh(machine, other, "true")[0] == 255
+    machine.cut_power()
+
+    # What was said to be set is kept, and so is the host's key: the client would complain.
+    machine.power_on()
+    machine.wait_inside("SSH", "netstat -ltn | grep -q :22", 60)
+    code, output = ssh(machine, key, "odidctl get self_id.description")
+    assert (code, output.strip().splitlines()[-1:]) == (0, ["Set over SSH"]), output
+    machine.wait_on_air()
+
+
+def test_the_flight_record_says_whether_it_was_on_the_air(make_machine):
+    machine = make_machine("record")
+    machine.power_on()
+    machine.wait_on_air()
+    machine.play(flights.generate(machine.folder / "flight.tlog", 90))  # arms in its fourth second
+    machine.wait_on_air(position=True)
+    time.sleep(10)
+    machine.must("kill -STOP $(pidof hostapd)")  # until hostapd-watch ends it
+    time.sleep(25)
+    machine.cut_power()
+    machine.power_on()
+    machine.wait_on_air()
+    records = json.loads(machine.must("odidctl flights --json"))
+    print(machine.must("odidctl flights"))
+    flown = records[1]
+    print(json.dumps(flown, indent=1))
+    assert flown["ended"] == "power cut"
+    assert flown["first_broadcast_s"] < 10
+    assert flown["armed_s"] > 15
+    assert flown["channels"]["bt4"]["armed_longest_gap_s"] < 0.5
+    assert 1 < flown["channels"]["wifi"]["armed_longest_gap_s"] < 8
+    assert "Wi-Fi" in flown["verdict"]
+
+
+def test_a_board_without_radios_boots_and_says_so(make_machine):
+    machine = make_machine("no-radios")
+    machine.power_on(radios=False)
+    machine.wait_inside("all services", "pidof odid-recorder && [ -e /run/odid-appliance/booted ]", 30)
+    time.sleep(10)
+    status = machine.status()
+    assert status is not None and not status["on_air"]
+    reasons = " ".join(problem["reason"] for problem in status["problems"])
+    assert "Bluetooth" in reasons and "Wi-Fi" in reasons, reasons
+    output = machine.run("odidctl status")
+    assert output.code != 0 and "no Wi-Fi interface" in output.output, output.output
+    # It is not tried again and again, and nothing crashes.
+    assert machine.run("dmesg | grep -c 'ended (exit code'").output.strip() == "0"
+
+
+def test_a_daemon_that_never_comes_back_is_taken_off_the_air(make_machine):
+    """Its last position would be a lie. What takes it off is the keeper, by the kernel's own hci0."""
+    machine = make_machine("off-air")
+    machine.power_on()
+    machine.wait_on_air()
+    machine.play(flights.generate(machine.folder / "flight.tlog", 120))
+    machine.wait_on_air(position=True)
+    machine.must("mount --bind /bin/false $(which odid-daemon)")
+    killed, killed_mono = time.time(), time.monotonic()
+    machine.must("kill -KILL $(pidof odid-daemon)")
+    time.sleep(OFF_AIR_S + 6)
+    for channel in ("bt4", "bt5"):
+        on_air_s = machine.air.receptions(channel)[-1].mono - killed_mono
+        assert on_air_s < OFF_AIR_S + 1.5, f"{channel}: still on the air after {on_air_s:.1f} s"
+        assert on_air_s > 0.5, f"{channel}: taken off before the daemon could be back"
+    last = max(at for at, row in frames(machine.pcap, BEACON, killed) if pack(row))
+    assert 0.5 < last - killed < OFF_AIR_S + 1.5, f"wifi: still on the air after {last - killed:.1f} s"
+    status = machine.run("odidctl status")
+    assert status.code != 0 and "taken off the air: wlan0, hci0" in status.output, status.output
+    machine.must("umount $(which odid-daemon)")
+    machine.wait_on_air(position=True, timeout_s=30)
