@@ -64,11 +64,21 @@ int odidctl_maintenance(const struct odidctl_places *places, const char *word);
 
 /*
  * Makes the access point's key of the password and keeps it; empty: removes
- * it. Returns 0, -ENOSYS (see maintenance_key) or another -errno.
+ * it (the board then makes one of its own at the next import). Returns 0, -ENOSYS (see maintenance_key) or another -errno.
  */
 int odidctl_keep_password(const char *data, const char *password);
 
 bool odidctl_password_known(const char *data);
+
+#define ODIDCTL_PASSWORD_NAME "maintenance-password.txt"
+
+/*
+ * Makes a password where none is known, and keeps ODIDCTL_PASSWORD_NAME in the
+ * directory (the volume CONFIG) right: there with the password that the board
+ * made, *made set; or gone. Returns 0, or -errno: of the directory with *made
+ * set, else of data.
+ */
+int odidctl_show_made_password(const char *data, const char *directory, bool *made);
 
 /* ---- import ---- */
 

@@ -522,6 +522,23 @@ static void import_keys(struct import *self, const struct volume *volume)
 
 /* ---- all of it ---- */
 
+/* What the report says of the password. */
+static const char *look_after_password(struct import *self)
+{
+    bool made = false;
+    int result = odidctl_show_made_password(self->places->data, self->directory, &made);
+
+    if (result < 0 && made) {
+        say_unwritten(self, ODIDCTL_PASSWORD_NAME, -result);
+    } else if (result < 0) {
+        log_error("no maintenance password can be made and kept: %s", strerror(-result));
+    }
+    if (made) {
+        return "made by this board, see " ODIDCTL_PASSWORD_NAME;
+    }
+    return odidctl_password_known(self->places->data) ? "set" : "not set";
+}
+
 static void finish(struct import *self)
 {
     char path[ODIDCTL_PATH_SIZE + 20], sentence[700];
@@ -529,7 +546,7 @@ static void finish(struct import *self)
     int result;
 
     read_in_force(self->places, &config);
-    odidctl_report_in_force(self->report, &config, odidctl_password_known(self->places->data));
+    odidctl_report_in_force(self->report, &config, look_after_password(self));
     explicit_bzero(&config, sizeof(config));
     snprintf(path, sizeof(path), "%s/" REPORT_NAME, self->directory);
     result = odidctl_report_write(self->report, path, self->places->run_dir);

@@ -85,7 +85,7 @@ static void identity(struct odidctl_report *report, const struct config *config,
 }
 
 void odidctl_report_in_force(struct odidctl_report *report, const struct config *config,
-                             bool password_known)
+                             const char *password)
 {
     odidctl_report_line(report, "%s", "");
     odidctl_report_line(report, "In force now");
@@ -98,8 +98,7 @@ void odidctl_report_in_force(struct odidctl_report *report, const struct config 
     line_of(report, "Bluetooth 4", config, "broadcast", "bt4_enabled");
     line_of(report, "Bluetooth 5", config, "broadcast", "bt5_enabled");
     line_of(report, "Wi-Fi", config, "broadcast", "wifi_beacon_enabled");
-    odidctl_report_line(report, "  %-22s%s", "Maintenance password",
-                        password_known ? "set" : "not set");
+    odidctl_report_line(report, "  %-22s%s", "Maintenance password", password);
 }
 
 /* ---- writing ---- */

@@ -15,7 +15,7 @@ void odidctl_report_line(struct odidctl_report *report, const char *format, ...)
 
 /* Who the aircraft is, and what else is in force. */
 void odidctl_report_in_force(struct odidctl_report *report, const struct config *config,
-                             bool password_known);
+                             const char *password);
 
 /*
  * Writes it, unless the same stands there already (flash wears). The date is

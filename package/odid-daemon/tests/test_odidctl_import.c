@@ -6,6 +6,7 @@
 
 #define CONF "data/odid/odid.conf"
 #define REPORT "volume/odid-report.txt"
+#define MADE "volume/maintenance-password.txt"
 #define BEFORE "[wifi]\nchannel = 1\n"
 #define GOOD                                                                                       \
     "[basic_id]\nuas_id = SSRS5GBG01\n[operator]\noperator_id = SWE3jxza7qbzvu5d\n"                \
@@ -197,7 +198,7 @@ static void identity_in_the_report(void **state)
     expect_report("  Aircraft              SSRS5GBG01 (serial)\r\n");
     expect_report("  Aircraft, second      SE-ABC (registration)\r\n");
     expect_report("  Operator number       SWE3jxza7qbzvu5d\r\n");
-    expect_report("  Maintenance password  not set\r\n");
+    expect_report("  Maintenance password  made by this board, see maintenance-password.txt\r\n");
     assert_null(strstr(got(REPORT), "Written:"));
 }
 
@@ -294,12 +295,57 @@ static void the_password_is_consumed(void **state)
     assert_int_equal(system("grep -rq '\"password\"' data volume faults"), 256);
 }
 
+/* The board's own, as long as nobody gives one: the volume shows it, and the access point takes it.
+ */
+static void a_password_is_made_and_shown(void **state)
+{
+    char first[512], key[128], made[32];
+
+    (void)state;
+    put("data/secrets/wifi_ssid", "RemoteID-12AB\n");
+    assert_int_equal(CALL("import", "volume"), 0);
+    snprintf(first, sizeof(first), "%.500s", got(MADE));
+    snprintf(key, sizeof(key), "%.100s", got("data/secrets/maintenance.psk"));
+    assert_int_equal(strlen(key), 65);
+    assert_non_null(strstr(first, "access point RemoteID-12AB in maintenance:\r\n"));
+    snprintf(made, sizeof(made), "    %.14s\r\n", got("data/secrets/maintenance.made"));
+    assert_non_null(strstr(first, made));
+
+    /* The same at the next power-on, also when the volume lost it. */
+    unlink(MADE);
+    assert_int_equal(CALL("import", "volume"), 0);
+    expect_file(MADE, first);
+    expect_file("data/secrets/maintenance.psk", key);
+
+    /* Until there is another one, and then nothing shows a password that isn't the one. */
+    assert_int_equal(CALL("set", "maintenance.password", "password"), 0);
+    assert_int_equal(CALL("import", "volume"), 0);
+    expect_none(MADE);
+    expect_report("  Maintenance password  set\r\n");
+    assert_int_equal(CALL("set", "maintenance.password", ""), 0);
+    assert_int_equal(CALL("import", "volume"), 0);
+    assert_true(strcmp(got(MADE), first) != 0);
+}
+
+/* Power failed between the password and its key. */
+static void a_made_password_without_key_gets_it(void **state)
+{
+    (void)state;
+    put("data/secrets/wifi_ssid", "IEEE\n");
+    put("data/secrets/maintenance.made", "password\n");
+    assert_int_equal(CALL("import", "volume"), 0);
+    expect_file("data/secrets/maintenance.psk",
+                "f42c6fc52df0ebef9ebb4b90b38a5f902e83fe1b135a70e23aed762e9710a12e\n");
+    assert_non_null(strstr(got(MADE), "    password\r\n"));
+}
+
 static void a_refused_file_keeps_its_password(void **state)
 {
     (void)state;
+    put("data/secrets/maintenance.psk", "the one before\n");
     put("volume/odid.conf", "[maintenance]\npassword = password\n[wifi]\nchannel = 36\n");
     assert_int_equal(CALL("import", "volume"), 1);
-    expect_none("data/secrets/maintenance.psk");
+    expect_file("data/secrets/maintenance.psk", "the one before\n");
     assert_non_null(strstr(got("volume/odid.conf"), "password = password\n"));
 }
 
@@ -513,6 +559,8 @@ int main(void)
         TEST(only_when_it_changed),
         TEST(the_secret_part_is_not_kept),
         TEST(the_password_is_consumed),
+        TEST(a_password_is_made_and_shown),
+        TEST(a_made_password_without_key_gets_it),
         TEST(a_refused_file_keeps_its_password),
         TEST(keys_are_taken_over),
         TEST(wrong_keys_are_refused),

@@ -115,15 +115,15 @@ def users():
     shadow = ["root:*:::::::", "nobody:*:::::::"]
     next_group = 100
     for number, line in enumerate(USERS.read_text(encoding="utf-8").splitlines(), 1):
-        words = line.split(maxsplit=9)
+        words = line.split(maxsplit=8)
         if not words or line.startswith("#"):
             continue
         if len(words) < 9:
-            raise BuildError(f"{USERS}: line {number}: expected nine or ten columns: {line}")
+            raise BuildError(f"{USERS}: line {number}: expected nine columns: {line}")
         name, uid, group, gid, password, home, shell, others = words[:8]
         groups[group] = int(gid)
         home, shell = "/" if home == "-" else home, "/bin/false" if shell == "-" else shell
-        passwd.append(f"{name}:x:{uid}:{gid}:{words[-1]}:{home}:{shell}")
+        passwd.append(f"{name}:x:{uid}:{gid}:{words[8]}:{home}:{shell}")
         shadow.append(f"{name}:{password}:::::::")
         for other in others.split(",") if others != "-" else []:
             members.setdefault(other, []).append(name)

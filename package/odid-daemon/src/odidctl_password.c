@@ -1,0 +1,185 @@
+/* The technician's password: of it only the access point's key is kept. One that the board made for
+ * itself is kept as it is, for the volume CONFIG to show. */
+#include <errno.h>
+#include <fcntl.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/random.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "maintenance_key.h"
+#include "odidctl.h"
+#include "whole_file.h"
+
+/* In data; the appliance makes the access point's name at its first boot. */
+#define SECRETS "secrets"
+#define KEY_FILE SECRETS "/maintenance.psk"
+#define MADE_FILE SECRETS "/maintenance.made"
+#define SSID_FILE SECRETS "/wifi_ssid"
+#define SSID_DEFAULT "RemoteID"
+#define SSID_MAX 32
+
+/* "k7wd-93hp-qfxm": 59 random bits in letters that nobody takes for others. */
+#define MADE_LETTERS "abcdefghjkmnpqrstuvwxyz23456789"
+#define MADE_GROUPS 3
+#define MADE_GROUP 4
+#define MADE_LENGTH (MADE_GROUPS * (MADE_GROUP + 1) - 1)
+
+static void data_path(const char *data, const char *name, char path[ODIDCTL_PATH_SIZE])
+{
+    snprintf(path, ODIDCTL_PATH_SIZE, "%s/%s", data, name);
+}
+
+/* The file's first line, shortened to size - 1; empty when there is none. */
+static void read_line(const char *path, char *line, size_t size)
+{
+    size_t length = 0;
+    char *text = whole_file_read(path, 256, &length);
+
+    snprintf(line, size, "%.*s", text == NULL ? 0 : (int)strcspn(text, "\r\n"),
+             text == NULL ? "" : text);
+    free(text);
+}
+
+static int remove_file(const char *path)
+{
+    return unlink(path) < 0 && errno != ENOENT ? -errno : 0;
+}
+
+/* As hostapd's configuration has it. */
+static void read_ssid(const char *data, char ssid[SSID_MAX + 1])
+{
+    char path[ODIDCTL_PATH_SIZE];
+
+    data_path(data, SSID_FILE, path);
+    read_line(path, ssid, SSID_MAX + 1);
+    if (ssid[0] == '\0') {
+        snprintf(ssid, SSID_MAX + 1, "%s", SSID_DEFAULT);
+    }
+}
+
+static int make_secrets(const char *data)
+{
+    char path[ODIDCTL_PATH_SIZE];
+
+    data_path(data, SECRETS, path);
+    return mkdir(path, 0700) < 0 && errno != EEXIST ? -errno : 0;
+}
+
+static int keep_key(const char *data, const char *password)
+{
+    char path[ODIDCTL_PATH_SIZE], ssid[SSID_MAX + 1], line[MAINTENANCE_KEY_SIZE + 1];
+    int result = make_secrets(data);
+
+    if (result < 0) {
+        return result;
+    }
+    read_ssid(data, ssid);
+    maintenance_key(password, ssid, line);
+    strcat(line, "\n");
+    data_path(data, KEY_FILE, path);
+    result = whole_file_replace(path, line, strlen(line), 0600);
+    explicit_bzero(line, sizeof(line));
+    return result;
+}
+
+int odidctl_keep_password(const char *data, const char *password)
+{
+    char path[ODIDCTL_PATH_SIZE];
+    int result;
+
+    /* This first: wherever power fails, no password is shown that isn't the one. */
+    data_path(data, MADE_FILE, path);
+    result = remove_file(path);
+    if (result < 0) {
+        return result;
+    }
+    if (password[0] == '\0') {
+        data_path(data, KEY_FILE, path);
+        return remove_file(path);
+    }
+    return keep_key(data, password);
+}
+
+bool odidctl_password_known(const char *data)
+{
+    char path[ODIDCTL_PATH_SIZE];
+    struct stat file;
+
+    data_path(data, KEY_FILE, path);
+    return stat(path, &file) == 0 && file.st_size > 0;
+}
+
+/* ---- one that the board makes ---- */
+
+static int make(const char *data, char password[MADE_LENGTH + 1])
+{
+    char path[ODIDCTL_PATH_SIZE], line[MADE_LENGTH + 2];
+    uint8_t random[MADE_LENGTH];
+    int result = make_secrets(data);
+
+    if (result == 0 && getrandom(random, sizeof(random), 0) != sizeof(random)) {
+        result = -EIO;
+    }
+    if (result < 0) {
+        return result;
+    }
+    for (size_t i = 0; i < MADE_LENGTH; i++) {
+        bool between = i % (MADE_GROUP + 1) == MADE_GROUP;
+
+        password[i] = between ? '-' : MADE_LETTERS[random[i] % (sizeof(MADE_LETTERS) - 1)];
+    }
+    password[MADE_LENGTH] = '\0';
+    snprintf(line, sizeof(line), "%s\n", password);
+    data_path(data, MADE_FILE, path);
+    return whole_file_replace(path, line, strlen(line), 0600);
+}
+
+/* Notepad's line ends. Written only when it isn't there as it should be: it is there at each boot.
+ */
+static int show(const char *data, const char *path, const char *password)
+{
+    char ssid[SSID_MAX + 1], text[512], *old;
+    size_t length = 0;
+    int result = 0;
+
+    read_ssid(data, ssid);
+    snprintf(text, sizeof(text),
+             "The password of the access point %s in maintenance:\r\n\r\n"
+             "    %s\r\n\r\n"
+             "The board made it, because none was set. To have another one, write it into\r\n"
+             "odid.conf as [maintenance] password; this file then goes at the next power-on.\r\n",
+             ssid, password);
+    old = whole_file_read(path, sizeof(text), &length);
+    if (old == NULL || strcmp(old, text) != 0) {
+        result = whole_file_replace(path, text, strlen(text), 0600);
+    }
+    free(old);
+    return result;
+}
+
+int odidctl_show_made_password(const char *data, const char *directory, bool *made)
+{
+    char path[ODIDCTL_PATH_SIZE], password[MADE_LENGTH + 1];
+    bool known = odidctl_password_known(data);
+    int result = 0;
+
+    *made = false;
+    data_path(data, MADE_FILE, path);
+    read_line(path, password, sizeof(password));
+    if (password[0] == '\0' && !known) {
+        result = make(data, password);
+    }
+    if (result == 0 && !known) {
+        result = keep_key(data, password);
+    }
+    if (result < 0) {
+        return result;
+    }
+    *made = password[0] != '\0';
+    data_path(directory, ODIDCTL_PASSWORD_NAME, path);
+    return *made ? show(data, path, password) : remove_file(path);
+}
