@@ -1,4 +1,4 @@
-"""What the appliance has on the air, in a flight without any fault, and what it takes to get there."""
+"""What the appliance has on the air in a flight without any fault, and what it keeps to itself."""
 
 import json
 import os
@@ -10,7 +10,7 @@ from pathlib import Path
 from host import parts
 from host.air import FIXED_FIELDS, VENDOR_ELEMENT
 
-from . import boot_chart, flights, gaps, limits
+from . import limits
 from .machine import CHANNELS
 
 PCAP_HEADER, PCAP_RECORD = 24, 16
@@ -28,31 +28,6 @@ def test_intervals(flying):
     assert figures["verdict"] == "PASS"
     for name, limit_s in limits.AIR_S.items():
         assert figures[name] <= limit_s
-
-
-def test_the_boot(make_machine):
-    """From init to the first valid message, of an appliance that has booted before, as each flight does."""
-    machine = make_machine("boot")
-    machine.power_on()
-    machine.wait_on_air()
-    machine.must("sync")
-    machine.cut_power()
-    judge = machine.judge(None)
-    machine.power_on()
-    machine.play(flights.generate(machine.folder / "flight.tlog", 60))
-    machine.wait_on_air(position=True)
-    started = machine.started()
-    time.sleep(1)
-    judge.stop(timeout_s=60)
-    contents = gaps.Contents(machine.folder / "judge/receptions.jsonl")
-    figures = {f"boot_to_{channel}_s": round(contents.first[channel] - started, 2) for channel in CHANNELS}
-    path = parts.ROOT / "build/system/boot.json"
-    path.write_text(json.dumps(figures, indent=1) + "\n")
-    chart = boot_chart.text(boot_chart.rows(machine, contents))
-    path.with_suffix(".txt").write_text(chart)
-    print(chart)
-    for channel, limit_s in limits.BOOT_S.items():
-        assert figures[f"boot_to_{channel}_s"] <= limit_s
 
 
 # --- Wi-Fi ------------------------------------------------------------------------

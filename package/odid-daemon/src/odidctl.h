@@ -70,6 +70,13 @@ int odidctl_keep_password(const char *data, const char *password);
 
 bool odidctl_password_known(const char *data);
 
+/*
+ * Overwrites a file on the volume, that holds the old text, with the one in
+ * which the password's lines are blanked (config_edit_take_password); both are
+ * of this length. Returns 0, or -errno.
+ */
+int odidctl_blank_password(const char *path, const char *old, const char *blanked, size_t length);
+
 #define ODIDCTL_PASSWORD_NAME "maintenance-password.txt"
 
 /*

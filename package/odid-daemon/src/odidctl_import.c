@@ -3,21 +3,19 @@
  * any computer, and explains in odid-report.txt beside it what came of it. A
  * file that is wrong is refused as a whole: what was in force stays.
  */
-#include <dirent.h>
 #include <errno.h>
-#include <fcntl.h>
-#include <inttypes.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <strings.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include "authorized_keys.h"
 #include "config_edit.h"
 #include "config_ini.h"
+#include "import_kept.h"
+#include "import_volume.h"
 #include "log.h"
 #include "odidctl.h"
 #include "odidctl_report.h"
@@ -25,8 +23,6 @@
 #include "whole_file.h"
 
 #define FILE_MAX 65536
-#define REPORT_NAME "odid-report.txt"
-#define NAME_SIZE 256
 
 struct import {
     const struct odidctl_places *places;
@@ -37,74 +33,6 @@ struct import {
     bool unwritten;   /* the volume did not take what was to be written to it */
     char fault[512];  /* the first of what went wrong */
 };
-
-/* ---- what is on the volume ---- */
-
-struct volume {
-    char conf[NAME_SIZE], conf_txt[NAME_SIZE]; /* Windows hides endings, and adds its own */
-    char keys[NAME_SIZE], keys_txt[NAME_SIZE];
-    char apple[NAME_SIZE];   /* what macOS puts beside a file */
-    char similar[NAME_SIZE]; /* what may have been meant */
-};
-
-/* The exact name wins over one in other letters, where a file system has both. */
-static void note_name(char out[NAME_SIZE], const char *name, const char *exact)
-{
-    if (out[0] == '\0' || strcmp(name, exact) == 0) {
-        snprintf(out, NAME_SIZE, "%s", name);
-    }
-}
-
-static bool is_similar(const char *name)
-{
-    size_t length = strlen(name);
-
-    return name[0] != '.' && strcasestr(name, "odid") != NULL &&
-           strcasecmp(name, REPORT_NAME) != 0 &&
-           (length < 8 || strcasecmp(name + length - 8, ".example") != 0);
-}
-
-static void note_entry(struct volume *volume, const char *name)
-{
-    const struct {
-        const char *name;
-        char *out;
-    } wanted[] = {
-        {"odid.conf", volume->conf},       {"odid.conf.txt", volume->conf_txt},
-        {"authorized_keys", volume->keys}, {"authorized_keys.txt", volume->keys_txt},
-        {"._odid.conf", volume->apple},    {"._odid.conf.txt", volume->apple},
-    };
-
-    for (size_t i = 0; i < sizeof(wanted) / sizeof(wanted[0]); i++) {
-        if (strcasecmp(name, wanted[i].name) == 0) {
-            note_name(wanted[i].out, name, wanted[i].name);
-            return;
-        }
-    }
-    if (is_similar(name)) {
-        note_name(volume->similar, name, name);
-    }
-}
-
-/* Returns 0, or -errno. */
-static int look_through(const char *directory, struct volume *volume)
-{
-    DIR *folder = opendir(directory);
-    const struct dirent *entry;
-    int result;
-
-    if (folder == NULL) {
-        return -errno;
-    }
-    errno = 0;
-    while ((entry = readdir(folder)) != NULL) {
-        note_entry(volume, entry->d_name);
-        errno = 0;
-    }
-    result = -errno;
-    closedir(folder);
-    return result;
-}
 
 /* ---- saying ---- */
 
@@ -171,100 +99,6 @@ static void say_unwritten(struct import *self, const char *name, int error)
     self->unwritten = true;
 }
 
-/* ---- whether it was taken over before ---- */
-
-/* FNV-1a: tells a changed file from the one before; nobody has to be kept from forging it. */
-static uint64_t fingerprint(const char *text, size_t length)
-{
-    uint64_t hash = UINT64_C(0xcbf29ce484222325);
-
-    for (size_t i = 0; i < length; i++) {
-        hash = (hash ^ (unsigned char)text[i]) * UINT64_C(0x100000001b3);
-    }
-    return hash;
-}
-
-/* PATH.imported beside what was imported, which must be there still. */
-static bool was_imported(const char *path, uint64_t hash)
-{
-    char beside[ODIDCTL_PATH_SIZE + 16], now[20];
-    char *before;
-    size_t length;
-    bool same;
-
-    snprintf(beside, sizeof(beside), "%s.imported", path);
-    snprintf(now, sizeof(now), "%016" PRIx64 "\n", hash);
-    before = access(path, R_OK) < 0 ? NULL : whole_file_read(beside, 64, &length);
-    same = before != NULL && strcmp(before, now) == 0;
-    free(before);
-    return same;
-}
-
-/* The fingerprint last: without it the same is imported once more, which is harmless. */
-static int keep(const char *path, const char *text, size_t length, mode_t mode, uint64_t hash)
-{
-    char beside[ODIDCTL_PATH_SIZE + 16], line[20];
-    int result = whole_file_replace(path, text, length, mode);
-
-    if (result == 0) {
-        snprintf(beside, sizeof(beside), "%s.imported", path);
-        snprintf(line, sizeof(line), "%016" PRIx64 "\n", hash);
-        result = whole_file_replace(beside, line, strlen(line), 0644);
-    }
-    return result;
-}
-
-/* ---- the password on the volume ---- */
-
-/* Writes [from, to) of each line that differs, counted from where its text begins; and waits until
- * it is on the disk. */
-static int write_lines(int fd, const char *old, const char *blanked, size_t length, size_t from,
-                       size_t to)
-{
-    for (size_t at = 0, ending, line; at < length; at += line + ending) {
-        size_t first = at + strspn(blanked + at, " \t"), end;
-
-        line = config_ini_line(old + at, length - at, &ending);
-        end = first + to < at + line ? first + to : at + line;
-        if (memcmp(old + at, blanked + at, line) != 0 && first + from < end &&
-            pwrite(fd, blanked + first + from, end - first - from, (off_t)(first + from)) !=
-                (ssize_t)(end - first - from)) {
-            return errno != 0 ? -errno : -EIO;
-        }
-    }
-    return fsync(fd) < 0 ? -errno : 0;
-}
-
-/*
- * In place, not by a new file: the sectors that hold the password are the ones
- * to be overwritten, and neither FAT nor folder change. "password = x" becomes
- * ";assword = x", then ";assword", then the note: wherever power fails, no half
- * password is left that would be taken for one, and the next import goes on.
- */
-static void blank_on_volume(struct import *self, const char *path, const char *old,
-                            const char *blanked, size_t length)
-{
-    int fd = open(path, O_WRONLY | O_CLOEXEC), result = fd < 0 ? -errno : 0;
-
-    if (result == 0) {
-        result = write_lines(fd, old, blanked, length, 0, 1);
-    }
-    if (result == 0) {
-        result = write_lines(fd, old, blanked, length, strlen("password"), SIZE_MAX / 2);
-    }
-    if (result == 0) {
-        result = write_lines(fd, old, blanked, length, 1, strlen("password"));
-    }
-    if (fd >= 0) {
-        close(fd);
-    }
-    if (result < 0) {
-        say_unwritten(self, self->name, -result);
-        odidctl_report_line(self->report,
-                            "  warning: the password could not be blanked in this file: delete it");
-    }
-}
-
 /* ---- odid.conf ---- */
 
 static void say_nothing(void *context, enum config_severity severity, const char *sentence)
@@ -307,12 +141,17 @@ static void take_password(struct import *self, const char *path, const char *old
     /* Set to nothing in a later line: only the earlier one is to be blanked. */
     int result = password[0] == '\0' ? 0 : odidctl_keep_password(self->places->data, password);
 
-    if (result == 0) {
-        log_info("the maintenance password was taken over");
-        blank_on_volume(self, path, old, blanked, length);
-    } else {
+    if (result < 0) {
         refuse(self, "%s: [maintenance] password was not taken over: %s", self->name,
                strerror(-result));
+        return;
+    }
+    log_info("the maintenance password was taken over");
+    result = odidctl_blank_password(path, old, blanked, length);
+    if (result < 0) {
+        say_unwritten(self, self->name, -result);
+        odidctl_report_line(self->report,
+                            "  warning: the password could not be blanked in this file: delete it");
     }
 }
 
@@ -322,13 +161,11 @@ static bool take_config(struct import *self, const char *blanked, size_t length)
     char path[ODIDCTL_PATH_SIZE];
     size_t kept_length = 0;
     char *kept = config_edit_without_secrets(blanked, length, &kept_length);
-    uint64_t hash;
     int result = kept == NULL ? -ENOMEM : 0;
 
     odidctl_config_path(self->places, path);
-    hash = kept == NULL ? 0 : fingerprint(kept, kept_length);
-    if (kept != NULL && !was_imported(path, hash)) {
-        result = keep(path, kept, kept_length, 0644, hash);
+    if (kept != NULL && !import_kept(path, kept, kept_length)) {
+        result = import_keep(path, kept, kept_length, 0644);
         if (result == 0) {
             log_info("%s was taken over", self->name);
         }
@@ -379,7 +216,7 @@ static bool import_text(struct import *self, const char *path, char *text, size_
 
 static void import_conf(struct import *self, const char *name)
 {
-    char path[NAME_SIZE + ODIDCTL_PATH_SIZE];
+    char path[IMPORT_NAME_SIZE + ODIDCTL_PATH_SIZE];
     size_t length = 0;
     char *text;
     bool in_force = false;
@@ -402,7 +239,7 @@ static void import_conf(struct import *self, const char *name)
                               "force before stays in force.");
 }
 
-static void import_config(struct import *self, const struct volume *volume)
+static void import_config(struct import *self, const struct import_volume *volume)
 {
     const char *name = volume->conf[0] != '\0' ? volume->conf : volume->conf_txt;
 
@@ -443,7 +280,6 @@ static void import_config(struct import *self, const struct volume *volume)
 static void keep_keys(struct import *self, const char *text, size_t length)
 {
     char path[ODIDCTL_PATH_SIZE];
-    uint64_t hash = fingerprint(text, length);
     int result = 0;
 
     snprintf(path, sizeof(path), "%s/ssh", self->places->data);
@@ -451,8 +287,8 @@ static void keep_keys(struct import *self, const char *text, size_t length)
         result = -errno;
     }
     snprintf(path, sizeof(path), "%s/ssh/authorized_keys", self->places->data);
-    if (result == 0 && !was_imported(path, hash)) {
-        result = keep(path, text, length, 0600, hash);
+    if (result == 0 && !import_kept(path, text, length)) {
+        result = import_keep(path, text, length, 0600);
         if (result == 0) {
             log_info("%s was taken over", self->name);
         }
@@ -481,9 +317,9 @@ static unsigned judge_keys(struct import *self, char *text, size_t *length)
     return found.keys;
 }
 
-static void import_keys(struct import *self, const struct volume *volume)
+static void import_keys(struct import *self, const struct import_volume *volume)
 {
-    char path[NAME_SIZE + ODIDCTL_PATH_SIZE];
+    char path[IMPORT_NAME_SIZE + ODIDCTL_PATH_SIZE];
     bool refused_before = self->refused;
     size_t length = 0;
     unsigned keys;
@@ -548,10 +384,10 @@ static void finish(struct import *self)
     read_in_force(self->places, &config);
     odidctl_report_in_force(self->report, &config, look_after_password(self));
     explicit_bzero(&config, sizeof(config));
-    snprintf(path, sizeof(path), "%s/" REPORT_NAME, self->directory);
+    snprintf(path, sizeof(path), "%s/" ODIDCTL_REPORT_NAME, self->directory);
     result = odidctl_report_write(self->report, path, self->places->run_dir);
     if (result < 0) {
-        say_unwritten(self, REPORT_NAME, -result);
+        say_unwritten(self, ODIDCTL_REPORT_NAME, -result);
     }
     if (self->refused) {
         snprintf(sentence, sizeof(sentence),
@@ -567,9 +403,9 @@ static void finish(struct import *self)
 int odidctl_import(const struct odidctl_places *places, const char *directory)
 {
     struct import self = {.places = places, .directory = directory};
-    struct volume volume = {0};
+    struct import_volume volume = {0};
     char path[ODIDCTL_PATH_SIZE];
-    int result = look_through(directory, &volume), lock;
+    int result = import_volume_look(directory, &volume), lock;
 
     if (result < 0) {
         log_error("%s can't be read: %s; what was in force before stays in force", directory,

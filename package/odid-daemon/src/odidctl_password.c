@@ -10,6 +10,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "config_ini.h"
 #include "maintenance_key.h"
 #include "odidctl.h"
 #include "whole_file.h"
@@ -111,6 +112,52 @@ bool odidctl_password_known(const char *data)
 
     data_path(data, KEY_FILE, path);
     return stat(path, &file) == 0 && file.st_size > 0;
+}
+
+/* ---- one that was taken from the volume ---- */
+
+/* Writes [from, to) of each line that differs, counted from where its text begins; and waits until
+ * it is on the disk. */
+static int write_lines(int fd, const char *old, const char *blanked, size_t length, size_t from,
+                       size_t to)
+{
+    for (size_t at = 0, ending, line; at < length; at += line + ending) {
+        size_t first = at + strspn(blanked + at, " \t"), end;
+
+        line = config_ini_line(old + at, length - at, &ending);
+        end = first + to < at + line ? first + to : at + line;
+        if (memcmp(old + at, blanked + at, line) != 0 && first + from < end &&
+            pwrite(fd, blanked + first + from, end - first - from, (off_t)(first + from)) !=
+                (ssize_t)(end - first - from)) {
+            return errno != 0 ? -errno : -EIO;
+        }
+    }
+    return fsync(fd) < 0 ? -errno : 0;
+}
+
+/*
+ * In place, not by a new file: the sectors that hold the password are the ones
+ * to be overwritten, and neither FAT nor folder change. "password = x" becomes
+ * ";assword = x", then ";assword", then the note: wherever power fails, no half
+ * password is left that would be taken for one, and the next import goes on.
+ */
+int odidctl_blank_password(const char *path, const char *old, const char *blanked, size_t length)
+{
+    int fd = open(path, O_WRONLY | O_CLOEXEC), result = fd < 0 ? -errno : 0;
+
+    if (result == 0) {
+        result = write_lines(fd, old, blanked, length, 0, 1);
+    }
+    if (result == 0) {
+        result = write_lines(fd, old, blanked, length, strlen("password"), SIZE_MAX / 2);
+    }
+    if (result == 0) {
+        result = write_lines(fd, old, blanked, length, 1, strlen("password"));
+    }
+    if (fd >= 0) {
+        close(fd);
+    }
+    return result;
 }
 
 /* ---- one that the board makes ---- */

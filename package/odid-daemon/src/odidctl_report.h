@@ -4,6 +4,8 @@
 
 #include "config.h"
 
+#define ODIDCTL_REPORT_NAME "odid-report.txt"
+
 struct odidctl_report;
 
 /* NULL without memory. */
