@@ -8,8 +8,9 @@
 MAVLINK_C_LIBRARY_V2_VERSION = 7e16bc08f14a4f8bfab474de831013a6455ee3da
 MAVLINK_C_LIBRARY_V2_SITE = https://github.com/mavlink/c_library_v2.git
 MAVLINK_C_LIBRARY_V2_SITE_METHOD = git
-# The generated headers have no licence file; their generator says MIT.
-MAVLINK_C_LIBRARY_V2_LICENSE = MIT
+# The generated headers name no licence; their generator says MIT. One header has another one.
+MAVLINK_C_LIBRARY_V2_LICENSE = MIT, BSD-3-Clause (mavlink_sha256.h)
+MAVLINK_C_LIBRARY_V2_LICENSE_FILES = mavlink_sha256.h
 MAVLINK_C_LIBRARY_V2_INSTALL_STAGING = YES
 MAVLINK_C_LIBRARY_V2_INSTALL_TARGET = NO
 
