@@ -13,6 +13,20 @@ rm -f "$target/linuxrc" "$target/etc/os-release" "$target/usr/lib/os-release" \
 	"$target/usr/bin/captest" "$target/usr/bin/filecap" "$target/usr/bin/netcap" "$target/usr/bin/pscap" \
 	"$target/usr/bin/scmp_sys_resolver"
 
+# rcS runs every S* script there is: those that packages bring are not for this appliance.
+for script in "$target/etc/init.d/"*; do
+	[ -e "$project/overlay/etc/init.d/${script##*/}" ] || rm -f "$script"
+done
+
+# Services that somebody's own layer adds are supervised as well, after those of the appliance.
+for service in "$target/etc/sv/"*; do
+	name=${service##*/}
+	grep -q " /run/service/$name\$" "$target/etc/inittab" && continue
+	[ -x "$service/run" ] || { echo "the service $name: there is no /etc/sv/$name/run that can be run" >&2 && exit 1; }
+	ln -sf /lib/odid/finish "$service/finish"
+	echo "::respawn:/usr/bin/runsv /run/service/$name" >>"$target/etc/inittab"
+done
+
 # Users: root, nobody, and those of users.txt, which come later.
 sed -i -n -e '/^root:/p' -e '/^nobody:/p' "$target/etc/passwd" "$target/etc/shadow"
 
