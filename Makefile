@@ -50,6 +50,10 @@ help:
 	@echo 'make bench      measures the daemon beside the field study'\''s figures'
 	@echo 'make daemon     only builds the daemon: build/daemon'
 	@echo 'make appliance  only builds the disk that the bench boots: build/appliance/disk.img'
+	@echo 'make image      the release image: build/image/cm4/release (docs/building.md)'
+	@echo 'make source     fetches all that building it needs, to build without a network'
+	@echo 'make legal      licences and sources as they have to be passed on with an image'
+	@echo 'make reproducible  builds the image twice and compares every file'
 	@echo 'make check      formatting, shell scripts, man pages, Python'
 	@echo 'make format     formats the C sources'
 	@echo 'make setup      only installs and fetches what the others need'
@@ -60,6 +64,8 @@ help:
 	@echo 'TEST_DATA=<dir> where recorded flights and captures are (default: ../shared/data)'
 	@echo 'IMAGE=<disk>    another appliance than build/appliance/disk.img'
 	@echo 'LOSS=<model>    receptions that the listener drops, for the edge of range'
+	@echo 'BOARD=qemu      the release image for QEMU instead of the CM4; DL_DIR=<dir> keeps its sources,'
+	@echo '                BUILDROOT_DIR=<dir> IMAGE_CONFIG=<file> IMAGE_OUT=<dir>: board/common/image.mk'
 	@echo 'OPENDRONEID_DIR=<dir>  MAVLINK_DIR=<dir>  sources of your own instead of fetched ones'
 
 # --- Set-up -----------------------------------------------------------------
@@ -106,6 +112,9 @@ else
 appliance: setup
 	@test -r '$(IMAGE)' || { echo 'IMAGE=$(IMAGE) can not be read' >&2; exit 1; }
 endif
+
+# make image, source, legal, reproducible
+include board/common/image.mk
 
 # --- Showing and measuring --------------------------------------------------
 

@@ -1,66 +1,106 @@
-# The release image, made by Buildroot. Part of the project's Makefile.
+# The release image, made by Buildroot: docs/building.md. Part of the project's Makefile.
 #
 #   BOARD=cm4|qemu         which machine (default: cm4)
+#   DL_DIR=<dir>           where sources are kept, Buildroot itself among them (default: build/sources).
+#                          With all of them there (make source) nothing is fetched.
 #   BUILDROOT_DIR=<dir>    a Buildroot of your own instead of the pinned one
-#   DL_DIR=<dir>           where sources are kept (default: build/sources); with all of them there
-#                          (make source) nothing is fetched
-#   IMAGE_CONFIG=<file>    Buildroot options that differ on your machine: a mirror, a toolchain
+#   IMAGE_LAYER=<dir>      a layer of your own on top of this one: docs/extending.md
+#   IMAGE_CONFIG=<files>   Buildroot options beside the defconfig's, or in place of them: what your
+#                          layer adds, a mirror, a toolchain
 #   IMAGE_OUT=<dir>        where it is built (default: build/image/<board>)
 
 BUILDROOT_VERSION = 2025.02.16
 BUILDROOT_COMMIT = 135af563b945b8c3d18f8fd370370075b9edb140
 BUILDROOT_URL = https://gitlab.com/buildroot.org/buildroot.git
-BUILDROOT_DIR ?= build/buildroot-$(BUILDROOT_VERSION)
 
 BOARD ?= cm4
 DL_DIR ?= build/sources
+BUILDROOT_PINNED = $(DL_DIR)/buildroot-$(BUILDROOT_VERSION)
+BUILDROOT_DIR ?= $(BUILDROOT_PINNED)
 IMAGE_OUT ?= build/image/$(BOARD)
 IMAGE_VERSION = $(shell sed -n 's/^project.odid-daemon VERSION \([0-9.]*\).*/\1/p' \
 	$(DAEMON)/CMakeLists.txt)
-IMAGE_NAME = odid-$(BOARD)-$(IMAGE_VERSION).img
+
+# Debian's packages for it; the rest that building needs, Buildroot makes for itself.
+IMAGE_PACKAGES = bc bmap-tools build-essential bzip2 ca-certificates cpio file git patch perl python3 \
+	rsync unzip wget xxd xz-utils
 
 # The same commit, the same bytes.
-IMAGE_TIME := $(or $(SOURCE_DATE_EPOCH),$(shell git log -1 --format=%ct))
-# MAKEFLAGS: the project's own --no-builtin-rules is not for other people's makefiles.
-BUILDROOT_MAKE = MAKEFLAGS= SOURCE_DATE_EPOCH=$(IMAGE_TIME) $(MAKE) --no-print-directory -C $(BUILDROOT_DIR) \
-	O=$(abspath $(IMAGE_OUT)) BR2_EXTERNAL=$(CURDIR)/br2-external BR2_DL_DIR=$(abspath $(DL_DIR))
+IMAGE_TIME = $(or $(SOURCE_DATE_EPOCH),$(shell git log -1 --format=%ct 2>/dev/null),\
+	$(shell stat -c %Y $(DAEMON)/CMakeLists.txt))
+# MAKEFLAGS: the project's own --no-builtin-rules is not for other people's makefiles. PYTHONHASHSEED:
+# the bill of materials would be in another order each time. FORCE_...: tar's, for those who are root.
+BUILDROOT_MAKE = MAKEFLAGS= PYTHONHASHSEED=0 FORCE_UNSAFE_CONFIGURE=1 SOURCE_DATE_EPOCH=$(IMAGE_TIME) \
+	BR2_DL_DIR=$(abspath $(DL_DIR)) \
+	$(MAKE) --no-print-directory -C $(BUILDROOT_DIR) O=$(abspath $(IMAGE_OUT)) \
+	BR2_EXTERNAL=$(CURDIR)/br2-external$(addprefix :,$(abspath $(IMAGE_LAYER))) \
+	BR2_DL_DIR=$(abspath $(DL_DIR))
 
 # Buildroot says a lot: all of it is in the log, its headings are shown. $(1) names the log.
 buildroot = @{ $(BUILDROOT_MAKE) $(2) || echo failed; } 2>&1 | tee $(IMAGE_OUT)/$(1).log | \
 	sed -n -u 's/\x1b\[[0-9]*m//g; s/^>>> */$(BOARD): /p'; \
 	if [ "$$(tail -n 1 $(IMAGE_OUT)/$(1).log)" = failed ]; then \
 		tail -n 40 $(IMAGE_OUT)/$(1).log >&2; \
-		echo "The whole log: $(IMAGE_OUT)/$(1).log. What is built stays: make image goes on." >&2; \
+		echo "The whole log: $(IMAGE_OUT)/$(1).log. What is built stays: the same command goes on." >&2; \
 		exit 1; \
 	fi
 
-.PHONY: image source legal
-# The daemon's sources are this project's: Buildroot doesn't look whether they changed.
+# The bill of materials, CycloneDX. Needs a list of licences' names, which it keeps among the sources.
+sbom = @$(BUILDROOT_MAKE) -s show-info | env PYTHONHASHSEED=0 BR2_DL_DIR=$(abspath $(DL_DIR)) \
+	$(BUILDROOT_DIR)/utils/generate-cyclonedx --project-name odid-$(BOARD) \
+	--project-version $(IMAGE_VERSION) -o $(IMAGE_OUT)/sbom.json
+
+# Buildroot doesn't look whether a package's recipe or source has changed; for the layer's own we do.
+changed-recipes = $(if $(wildcard $(IMAGE_OUT)/built),$(addsuffix -dirclean,$(filter-out odid-daemon,\
+	$(shell find br2-external/package/*/ -newer $(IMAGE_OUT)/built -type f | cut -d / -f 3 | sort -u))))
+
+.PHONY: image source legal reproducible image-host
 image: $(IMAGE_OUT)/defconfig
-	$(call buildroot,build,odid-daemon-rebuild all)
-	@cd $(IMAGE_OUT)/images && xz -T0 -c disk.img >$(IMAGE_NAME).xz && \
-		sha256sum $(IMAGE_NAME).xz >SHA256SUMS
-	@echo "image: $(IMAGE_OUT)/images/$(IMAGE_NAME).xz"
+	@touch $(IMAGE_OUT)/building
+	$(call buildroot,build,$(changed-recipes) odid-daemon-rebuild all)
+	@mv $(IMAGE_OUT)/building $(IMAGE_OUT)/built
+	$(call buildroot,legal,legal-info)
+	$(sbom)
+	@board/common/pack-release.sh $(BOARD) $(IMAGE_OUT) odid-$(BOARD)-$(IMAGE_VERSION)
 
 # Everything that building needs, for those who build without a network, or in ten years.
 source: $(IMAGE_OUT)/defconfig
 	$(call buildroot,source,source)
+	$(sbom)
+	@echo 'source: all is in $(DL_DIR)'
 
-# Licences and sources, as they have to be passed on.
+# Licences and sources, as they have to be passed on with an image: docs/licences.md.
 legal: $(IMAGE_OUT)/defconfig
 	$(call buildroot,legal,legal-info)
+	@echo 'legal: $(IMAGE_OUT)/legal-info'
+
+# What make image has made, against the same made from nothing in another folder.
+IMAGE_AGAIN = $(IMAGE_OUT)-made-once-more
+reproducible: image
+	@rm -rf $(IMAGE_AGAIN)
+	@$(MAKE) --no-print-directory image IMAGE_OUT=$(IMAGE_AGAIN)
+	@board/common/compare-images.sh $(IMAGE_OUT) $(IMAGE_AGAIN)
 
 # Kept when nothing in it is new: Buildroot goes on where it was.
-$(IMAGE_OUT)/defconfig: configs/odid_$(BOARD)_defconfig $(IMAGE_CONFIG) | $(BUILDROOT_DIR)/Makefile
+$(IMAGE_OUT)/defconfig: configs/odid_$(BOARD)_defconfig $(IMAGE_CONFIG) | image-host $(BUILDROOT_DIR)/Makefile
 	@mkdir -p $(IMAGE_OUT) $(DL_DIR)
 	@board/common/merge-config.sh configs/odid_$(BOARD)_defconfig $(IMAGE_CONFIG) >$@.part
 	@$(BUILDROOT_MAKE) -s BR2_DEFCONFIG=$(abspath $@.part) defconfig >/dev/null
 	@mv $@.part $@
+	@[ ! -e $(IMAGE_OUT)/built ] || { \
+		echo "$(BOARD): the configuration is new. What is built already stays as it was: Buildroot" && \
+		echo "$(BOARD): doesn't know what an option changes. To be sure: rm -r $(IMAGE_OUT)"; }
 	@sed -i 's,^BR2_DEFCONFIG=.*,BR2_DEFCONFIG="$(abspath $@)",' $(IMAGE_OUT)/.config
 
-build/buildroot-$(BUILDROOT_VERSION)/Makefile:
+image-host:
+	@tests/setup/debian.sh $(IMAGE_PACKAGES)
+	@board/common/check-host.sh '$(BOARD)' '$(IMAGE_OUT)' '$(DL_DIR)'
+
+$(BUILDROOT_PINNED)/Makefile: | image-host
 	@rm -rf $(@D).part
-	@git clone --quiet --depth 1 --branch $(BUILDROOT_VERSION) $(BUILDROOT_URL) $(@D).part
+	@git clone --quiet --depth 1 --branch $(BUILDROOT_VERSION) $(BUILDROOT_URL) $(@D).part || { \
+		echo "image: Buildroot $(BUILDROOT_VERSION) could not be fetched from $(BUILDROOT_URL)." >&2; \
+		echo "image: name one that is there: BUILDROOT_DIR=<dir>" >&2; exit 1; }
 	@if [ "$$(git -C $(@D).part rev-parse HEAD)" != $(BUILDROOT_COMMIT) ]; then \
 		echo "$(BUILDROOT_URL): tag $(BUILDROOT_VERSION) is not commit $(BUILDROOT_COMMIT)" >&2; exit 1; \
 	fi

@@ -1,15 +1,11 @@
 #!/bin/sh
-# merge-config.sh DEFCONFIG [FILE]: prints the defconfig, with FILE's options in place of its own.
-# FILE says what is different on one machine: another toolchain, a mirror, an override file.
+# merge-config.sh DEFCONFIG [FILE...]: prints the defconfig and the files together; of an option that
+# several of them set, the last one's. The files say what is different on one machine (another
+# toolchain, a mirror), or what somebody's own layer adds.
 set -eu
-if [ $# -eq 1 ]; then
-	exec cat "$1"
-fi
 awk '
 	function option() { return $1 == "#" ? $2 : substr($0, 1, index($0, "=") - 1) }
-	/^(# )?BR2_[A-Za-z0-9_]+(=| is not set$)/ {
-		if (FILENAME == ARGV[1]) other[option()] = 1
-		else if (option() in other) next
-	}
-	FILENAME != ARGV[1]' "$2" "$1"
-cat "$2"
+	{ line++; is_option = /^(# )?BR2_[A-Za-z0-9_]+(=| is not set$)/ }
+	pass == 1 { if (is_option) last[option()] = line; next }
+	!is_option || last[option()] == line
+' pass=1 "$@" pass=2 line=0 "$@"
