@@ -70,6 +70,9 @@ int odidctl_keep_password(const char *data, const char *password);
 
 bool odidctl_password_known(const char *data);
 
+/* Is it the password that the key was made of? 1 or 0; -ENOENT when none was ever set, -errno. */
+int odidctl_check_password(const char *data, const char *password);
+
 /*
  * Overwrites a file on the volume, that holds the old text, with the one in
  * which the password's lines are blanked (config_edit_take_password); both are

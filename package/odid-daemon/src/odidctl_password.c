@@ -2,6 +2,7 @@
  * itself is kept as it is, for the volume CONFIG to show. */
 #include <errno.h>
 #include <fcntl.h>
+#include <nettle/memops.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -112,6 +113,28 @@ bool odidctl_password_known(const char *data)
 
     data_path(data, KEY_FILE, path);
     return stat(path, &file) == 0 && file.st_size > 0;
+}
+
+int odidctl_check_password(const char *data, const char *password)
+{
+    char path[ODIDCTL_PATH_SIZE], ssid[SSID_MAX + 1], key[MAINTENANCE_KEY_SIZE], *kept;
+    size_t length;
+    int result;
+
+    data_path(data, KEY_FILE, path);
+    kept = whole_file_read(path, 256, &length);
+    if (kept == NULL || length < sizeof(key) - 1) {
+        result = kept == NULL ? -errno : -ENOENT;
+        free(kept);
+        return result;
+    }
+    read_ssid(data, ssid);
+    maintenance_key(password, ssid, key);
+    result = nettle_memeql_sec(kept, key, sizeof(key) - 1);
+    explicit_bzero(kept, length);
+    explicit_bzero(key, sizeof(key));
+    free(kept);
+    return result;
 }
 
 /* ---- one that was taken from the volume ---- */
