@@ -1,0 +1,588 @@
+#include "web_server.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <microhttpd.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/epoll.h>
+#include <sys/random.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "log.h"
+#include "loop.h"
+#include "utf8.h"
+#include "web_helper.h"
+#include "web_request.h"
+#include "web_upload.h"
+
+#define SENTENCE_SIZE 512
+#define CONNECTIONS_MAX 24
+#define CONNECTIONS_FROM_ONE_MAX 12
+#define IDLE_S 30 /* also of a browser that is gone in the middle of an upload */
+
+#define JSON_TYPE "application/json"
+
+/* From the first line of a request to the last octet of its answer. */
+struct request {
+    struct web_target target;
+    struct MHD_Connection *connection;
+    unsigned code;                /* of a refusal; 0: none yet */
+    char sentence[SENTENCE_SIZE]; /* of that */
+    char body[WEB_BODY_MAX + 1];
+    size_t length; /* more than WEB_BODY_MAX: too long, and not kept */
+    int updater;   /* where the bundle goes; -1: nowhere */
+    struct loop_watch writable;
+};
+
+static struct {
+    const struct web_server *server;
+    struct MHD_Daemon *http;
+    struct loop_watch watch;
+    struct loop_timer timer;
+    struct web_sessions sessions;
+} self = {.watch = {.fd = -1}};
+
+/* ---- the loop ---- */
+
+static void run(void)
+{
+    MHD_UNSIGNED_LONG_LONG wait_ms;
+
+    MHD_run(self.http);
+    loop_arm(&self.timer, MHD_get_timeout(self.http, &wait_ms) == MHD_YES
+                              ? loop_now_us() + (int64_t)wait_ms * 1000
+                              : LOOP_NEVER);
+}
+
+static void on_ready(void *context, uint32_t events, int64_t now_us)
+{
+    (void)context;
+    (void)events;
+    (void)now_us;
+    run();
+}
+
+static void on_timer(void *context, int64_t now_us)
+{
+    (void)context;
+    (void)now_us;
+    run();
+}
+
+/* ---- answers ---- */
+
+static void header(struct MHD_Response *response, const char *name, const char *value)
+{
+    MHD_add_response_header(response, name, value);
+}
+
+/* The browser is to take nothing from elsewhere, to send nothing elsewhere, and to keep nothing. */
+static void add_headers(struct MHD_Response *response, const char *type)
+{
+    header(response, "Content-Type", type);
+    header(response, "Cache-Control", "no-store");
+    header(response, "Content-Security-Policy",
+           "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
+           "connect-src 'self'; form-action 'none'; frame-ancestors 'none'; base-uri 'none'");
+    header(response, "X-Content-Type-Options", "nosniff");
+    header(response, "Referrer-Policy", "no-referrer");
+    header(response, "Cross-Origin-Resource-Policy", "same-origin");
+}
+
+/* Takes the response. */
+static enum MHD_Result give(struct request *request, unsigned code, struct MHD_Response *response,
+                            const char *type)
+{
+    enum MHD_Result result;
+
+    if (response == NULL) {
+        return MHD_NO;
+    }
+    add_headers(response, type);
+    result = MHD_queue_response(request->connection, code, response);
+    MHD_destroy_response(response);
+    return result;
+}
+
+/* Takes the text, which was allocated. */
+static enum MHD_Result give_text(struct request *request, unsigned code, char *text, size_t length)
+{
+    return give(request, code, MHD_create_response_from_buffer(length, text, MHD_RESPMEM_MUST_FREE),
+                JSON_TYPE);
+}
+
+static struct MHD_Response *response_of(struct json_object *object)
+{
+    const char *text = json_object_to_json_string_ext(object, JSON_C_TO_STRING_PLAIN |
+                                                                  JSON_C_TO_STRING_NOSLASHESCAPE);
+
+    return MHD_create_response_from_buffer(strlen(text), (void *)text, MHD_RESPMEM_MUST_COPY);
+}
+
+/* Takes the object. */
+static enum MHD_Result give_json(struct request *request, unsigned code, struct json_object *object)
+{
+    struct MHD_Response *response = response_of(object);
+
+    json_object_put(object);
+    return give(request, code, response, JSON_TYPE);
+}
+
+static struct json_object *sentence_json(const char *sentence)
+{
+    struct json_object *object = json_object_new_object();
+
+    json_object_object_add(object, "sentence", json_object_new_string(sentence));
+    return object;
+}
+
+static enum MHD_Result give_sentence(struct request *request, unsigned code, const char *sentence)
+{
+    return give_json(request, code, sentence_json(sentence));
+}
+
+static enum MHD_Result give_file(struct request *request, const char *path, const char *type,
+                                 const char *download)
+{
+    int fd = open(path, O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
+    struct MHD_Response *response;
+    char disposition[64];
+    struct stat file;
+
+    if (fd < 0 || fstat(fd, &file) < 0 || !S_ISREG(file.st_mode)) {
+        log_warning("%s can't be given: %s", path, fd < 0 ? strerror(errno) : "no file");
+        if (fd >= 0) {
+            close(fd);
+        }
+        return give_sentence(request, MHD_HTTP_NOT_FOUND, "That isn't there, or not any more.");
+    }
+    response = MHD_create_response_from_fd64((uint64_t)file.st_size, fd);
+    if (response == NULL) {
+        close(fd);
+    } else if (download != NULL) {
+        snprintf(disposition, sizeof(disposition), "attachment; filename=\"%s\"", download);
+        header(response, "Content-Disposition", disposition);
+    }
+    return give(request, MHD_HTTP_OK, response, type);
+}
+
+/* ---- password and sessions ---- */
+
+static enum MHD_Result give_cookie(struct request *request, const char *token, const char *more)
+{
+    struct json_object *object = json_object_new_object();
+    struct MHD_Response *response = response_of(object);
+    char cookie[128];
+
+    json_object_put(object);
+    if (response != NULL) {
+        snprintf(cookie, sizeof(cookie), WEB_COOKIE "=%s; Path=/; HttpOnly; SameSite=Strict%s",
+                 token, more);
+        header(response, "Set-Cookie", cookie);
+    }
+    return give(request, MHD_HTTP_OK, response, JSON_TYPE);
+}
+
+static enum MHD_Result begin_session(struct request *request)
+{
+    uint8_t random[WEB_TOKEN_BYTES];
+    char token[WEB_TOKEN_SIZE];
+
+    if (getrandom(random, sizeof(random), 0) != (ssize_t)sizeof(random)) {
+        return MHD_NO;
+    }
+    web_sessions_begin(&self.sessions, random, loop_now_us(), token);
+    log_info("somebody has given the maintenance password");
+    return give_cookie(request, token, "");
+}
+
+static enum MHD_Result give_patience(struct request *request, unsigned wait_s)
+{
+    char sentence[SENTENCE_SIZE];
+
+    snprintf(sentence, sizeof(sentence),
+             "Too many wrong passwords. Wait %u seconds before the next one.", wait_s);
+    return give_sentence(request, MHD_HTTP_TOO_MANY_REQUESTS, sentence);
+}
+
+static enum MHD_Result login(struct request *request)
+{
+    char password[CONFIG_PASSWORD_MAX + 1];
+    enum web_password verdict = WEB_PASSWORD_WRONG;
+    unsigned wait_s;
+
+    if (!web_sessions_try(&self.sessions, loop_now_us(), &wait_s)) {
+        return give_patience(request, wait_s);
+    }
+    if (web_read_password(request->body, request->length, password)) {
+        verdict = web_helper_password(self.server->helper, password);
+    }
+    explicit_bzero(password, sizeof(password));
+    switch (verdict) {
+    case WEB_PASSWORD_RIGHT:
+        return begin_session(request);
+    case WEB_PASSWORD_NONE:
+        return give_sentence(request, MHD_HTTP_FORBIDDEN,
+                             "No maintenance password was ever set. Set [maintenance] password in "
+                             "odid.conf on the volume CONFIG.");
+    case WEB_NO_HELPER:
+        return give_sentence(request, MHD_HTTP_SERVICE_UNAVAILABLE,
+                             "The page's service is ending. Try again in a moment.");
+    default:
+        log_warning("a wrong maintenance password was given");
+        return give_sentence(request, MHD_HTTP_FORBIDDEN, "That is not the maintenance password.");
+    }
+}
+
+static enum MHD_Result logout(struct request *request)
+{
+    char token[WEB_TOKEN_SIZE];
+
+    if (web_cookie(MHD_lookup_connection_value(request->connection, MHD_HEADER_KIND, "Cookie"),
+                   token)) {
+        web_sessions_end(&self.sessions, token);
+    }
+    return give_cookie(request, "", "; Max-Age=0");
+}
+
+/* ---- settings ---- */
+
+/* Sentences by lines -> an array of them. */
+static struct json_object *lines_of(char *said)
+{
+    struct json_object *array = json_object_new_array();
+    char clean[SENTENCE_SIZE], *rest = said, *line;
+
+    while ((line = strsep(&rest, "\r\n")) != NULL) {
+        utf8_clean(clean, sizeof(clean), line);
+        if (clean[0] != '\0') {
+            json_object_array_add(array, json_object_new_string(clean));
+        }
+    }
+    return array;
+}
+
+static void set_one(struct json_object *answer, const char *name, enum web_setting setting,
+                    const char *value)
+{
+    static char said[WEB_SAID_SIZE];
+    struct json_object *result = json_object_new_object();
+    bool done = web_helper_set(self.server->helper, setting, value, said);
+
+    json_object_object_add(result, "done", json_object_new_boolean(done));
+    json_object_object_add(result, "said", lines_of(said));
+    json_object_object_add(answer, name, result);
+}
+
+static enum MHD_Result set(struct request *request)
+{
+    struct json_object *answer;
+    struct web_settings settings;
+
+    if (!web_read_settings(request->body, request->length, &settings)) {
+        explicit_bzero(&settings, sizeof(settings));
+        return give_sentence(request, MHD_HTTP_BAD_REQUEST,
+                             "These settings can't be understood; nothing was changed. A value is "
+                             "at most 127 characters on one line.");
+    }
+    answer = json_object_new_object();
+    if (settings.serial_given) {
+        set_one(answer, "serial", WEB_SERIAL, settings.serial);
+    }
+    if (settings.operator_given) {
+        set_one(answer, "operator", WEB_OPERATOR, settings.operator_number);
+    }
+    explicit_bzero(&settings, sizeof(settings));
+    return give_json(request, MHD_HTTP_OK, answer);
+}
+
+/* ---- flight records ---- */
+
+static enum MHD_Result flights(struct request *request)
+{
+    size_t length;
+    char *text = web_flights(&self.server->sources, &length);
+
+    if (text == NULL) {
+        return give_sentence(request, MHD_HTTP_NOT_FOUND, "The flight records can't be read.");
+    }
+    return give_text(request, MHD_HTTP_OK, text, length);
+}
+
+static enum MHD_Result flight(struct request *request)
+{
+    char path[ODIDCTL_PATH_SIZE], name[40];
+
+    snprintf(path, sizeof(path), "%s/%05u.jsonl", self.server->sources.flights,
+             request->target.number);
+    snprintf(name, sizeof(name), "flight-%05u.jsonl", request->target.number);
+    return give_file(request, path, "application/jsonl", name);
+}
+
+static enum MHD_Result page_file(struct request *request)
+{
+    char path[ODIDCTL_PATH_SIZE];
+
+    snprintf(path, sizeof(path), "%s/%s", self.server->files, request->target.file->name);
+    return give_file(request, path, request->target.file->type, NULL);
+}
+
+/* ---- the bundle ---- */
+
+static void refuse(struct request *request, unsigned code, const char *sentence)
+{
+    request->code = code;
+    snprintf(request->sentence, sizeof(request->sentence), "%s", sentence);
+}
+
+static void begin_upload(struct request *request)
+{
+    char sentence[SENTENCE_SIZE];
+
+    web_update_obstacle(self.server->places, sentence, sizeof(sentence));
+    if (sentence[0] == '\0') {
+        request->updater = web_upload_open(self.server->updater, sentence, sizeof(sentence));
+    }
+    if (request->updater < 0) {
+        refuse(request, MHD_HTTP_CONFLICT, sentence);
+    } else {
+        log_info("a bundle is being sent to the page");
+    }
+}
+
+/* SWUpdate takes more, or has closed its end: MHD then offers again what is left. */
+static void on_writable(void *context, uint32_t events, int64_t now_us)
+{
+    struct request *request = context;
+
+    (void)events;
+    (void)now_us;
+    loop_unwatch(&request->writable);
+    MHD_resume_connection(request->connection);
+    run();
+}
+
+/* Until SWUpdate takes more, nothing more is read from the browser. */
+static void wait_for_room(struct request *request)
+{
+    if (loop_watch(&request->writable, request->updater, EPOLLOUT, on_writable, request) == 0) {
+        MHD_suspend_connection(request->connection);
+    }
+}
+
+/*
+ * What comes after a refusal is read and dropped: a browser shows an answer
+ * only when it could send all it had.
+ */
+static void take_bundle(struct request *request, const char *data, size_t *length)
+{
+    ssize_t done;
+
+    if (request->updater < 0) {
+        *length = 0;
+        return;
+    }
+    done = web_upload_give(request->updater, data, *length);
+    if (done < 0) {
+        web_upload_close(request->updater);
+        request->updater = -1;
+        refuse(request, MHD_HTTP_CONFLICT,
+               "The updater stopped taking the bundle: it was refused, or the update failed.");
+        *length = 0;
+        return;
+    }
+    *length -= (size_t)done;
+    if (*length > 0) {
+        wait_for_room(request);
+    }
+}
+
+static enum MHD_Result end_upload(struct request *request)
+{
+    web_upload_close(request->updater);
+    request->updater = -1;
+    log_info("the bundle is sent");
+    return give_sentence(request, MHD_HTTP_ACCEPTED, "The whole bundle is with the updater.");
+}
+
+/* ---- requests ---- */
+
+static bool is_known(struct MHD_Connection *connection)
+{
+    char token[WEB_TOKEN_SIZE];
+
+    return web_cookie(MHD_lookup_connection_value(connection, MHD_HEADER_KIND, "Cookie"), token) &&
+           web_sessions_known(&self.sessions, token, loop_now_us());
+}
+
+/* Judges a request by its head, before its body was read. */
+static void judge(struct request *request)
+{
+    struct MHD_Connection *connection = request->connection;
+    enum web_route route = request->target.route;
+    const struct web_head head = {
+        .host = MHD_lookup_connection_value(connection, MHD_HEADER_KIND, "Host"),
+        .origin = MHD_lookup_connection_value(connection, MHD_HEADER_KIND, "Origin"),
+        .page = MHD_lookup_connection_value(connection, MHD_HEADER_KIND, WEB_PAGE_HEADER),
+    };
+    const char *refusal = web_refusal(&head, route);
+
+    if (refusal != NULL) {
+        refuse(request, MHD_HTTP_FORBIDDEN, refusal);
+    } else if (route == WEB_NOWHERE) {
+        refuse(request, MHD_HTTP_NOT_FOUND, "There is nothing of that name here.");
+    } else if (route == WEB_WRONG_METHOD) {
+        refuse(request, MHD_HTTP_METHOD_NOT_ALLOWED, "That can't be done with this.");
+    } else if (route != WEB_FILE && route != WEB_LOGIN && route != WEB_LOGOUT &&
+               !is_known(connection)) {
+        refuse(request, MHD_HTTP_UNAUTHORIZED, "Give the maintenance password first.");
+    } else if (route == WEB_UPLOAD) {
+        begin_upload(request);
+    }
+}
+
+static enum MHD_Result begin(struct MHD_Connection *connection, const char *path,
+                             const char *method, void **context)
+{
+    struct request *request = calloc(1, sizeof(*request));
+
+    if (request == NULL) {
+        return MHD_NO;
+    }
+    *context = request;
+    request->connection = connection;
+    request->updater = request->writable.fd = -1;
+    request->target = web_target(method, path);
+    judge(request);
+    return MHD_YES;
+}
+
+static void take_body(struct request *request, const char *data, size_t *length)
+{
+    if (request->target.route == WEB_UPLOAD) {
+        take_bundle(request, data, length);
+        return;
+    }
+    if (request->length + *length <= WEB_BODY_MAX) {
+        memcpy(request->body + request->length, data, *length);
+        request->length += *length;
+    } else {
+        request->length = WEB_BODY_MAX + 1;
+    }
+    *length = 0;
+}
+
+static enum MHD_Result answer(struct request *request)
+{
+    if (request->code != 0) {
+        return give_sentence(request, request->code, request->sentence);
+    }
+    if (request->length > WEB_BODY_MAX) {
+        return give_sentence(request, MHD_HTTP_CONTENT_TOO_LARGE, "That is too long.");
+    }
+    switch (request->target.route) {
+    case WEB_FILE:
+        return page_file(request);
+    case WEB_LOGIN:
+        return login(request);
+    case WEB_LOGOUT:
+        return logout(request);
+    case WEB_STATUS:
+        return give_json(request, MHD_HTTP_OK,
+                         web_status(self.server->places, &self.server->sources));
+    case WEB_SET:
+        return set(request);
+    case WEB_UPLOAD:
+        return end_upload(request);
+    case WEB_FLIGHTS:
+        return flights(request);
+    case WEB_FLIGHT:
+        return flight(request);
+    default:
+        return MHD_NO;
+    }
+}
+
+/* Called with the head, then with each piece of the body, then once more for the answer. */
+static enum MHD_Result on_request(void *closure, struct MHD_Connection *connection,
+                                  const char *path, const char *method, const char *version,
+                                  const char *data, size_t *length, void **context)
+{
+    struct request *request = *context;
+
+    (void)closure;
+    (void)version;
+    if (request == NULL) {
+        return begin(connection, path, method, context);
+    }
+    if (*length > 0) {
+        take_body(request, data, length);
+        return MHD_YES;
+    }
+    return answer(request);
+}
+
+/* Also of a connection that was cut: SWUpdate then sees the bundle's end too early. */
+static void on_over(void *closure, struct MHD_Connection *connection, void **context,
+                    enum MHD_RequestTerminationCode how)
+{
+    struct request *request = *context;
+
+    (void)closure;
+    (void)connection;
+    if (request == NULL) {
+        return;
+    }
+    if (request->updater >= 0) {
+        log_warning("the bundle was cut short on its way to the page");
+        loop_unwatch(&request->writable);
+        web_upload_close(request->updater);
+    }
+    (void)how;
+    explicit_bzero(request->body, sizeof(request->body));
+    free(request);
+    *context = NULL;
+}
+
+/* ---- start ---- */
+
+static void on_log(void *closure, const char *format, va_list arguments)
+{
+    char line[256];
+
+    (void)closure;
+    vsnprintf(line, sizeof(line), format, arguments);
+    line[strcspn(line, "\r\n")] = '\0';
+    log_debug("http: %s", line);
+}
+
+int web_server_start(const struct web_server *server)
+{
+    const union MHD_DaemonInfo *info;
+    int result;
+
+    self.server = server;
+    self.http =
+        MHD_start_daemon(MHD_USE_EPOLL | MHD_ALLOW_SUSPEND_RESUME | MHD_USE_ERROR_LOG, 0, NULL,
+                         NULL, on_request, NULL, MHD_OPTION_EXTERNAL_LOGGER, on_log, NULL,
+                         MHD_OPTION_LISTEN_SOCKET, server->listener, MHD_OPTION_NOTIFY_COMPLETED,
+                         on_over, NULL, MHD_OPTION_CONNECTION_LIMIT, (unsigned)CONNECTIONS_MAX,
+                         MHD_OPTION_PER_IP_CONNECTION_LIMIT, (unsigned)CONNECTIONS_FROM_ONE_MAX,
+                         MHD_OPTION_CONNECTION_TIMEOUT, (unsigned)IDLE_S, MHD_OPTION_END);
+    info = self.http == NULL ? NULL : MHD_get_daemon_info(self.http, MHD_DAEMON_INFO_EPOLL_FD);
+    if (info == NULL) {
+        log_error("the web server can't be started: %s", strerror(errno));
+        return -1;
+    }
+    result = loop_watch(&self.watch, info->epoll_fd, EPOLLIN, on_ready, NULL);
+    if (result < 0) {
+        log_error("the web server can't be watched: %s", strerror(-result));
+        return -1;
+    }
+    loop_timer_init(&self.timer, on_timer, NULL);
+    run();
+    return 0;
+}

@@ -1,0 +1,23 @@
+/*
+ * The page's HTTP server: libmicrohttpd in our event loop. It runs without
+ * rights; what needs root is asked of web_helper.
+ */
+#ifndef ODID_WEB_SERVER_H
+#define ODID_WEB_SERVER_H
+
+#include "odidctl.h"
+#include "web_status.h"
+
+struct web_server {
+    int listener;        /* a listening, non-blocking TCP socket */
+    int helper;          /* the socket to web_helper_serve */
+    const char *files;   /* the page's folder */
+    const char *updater; /* the folder of SWUpdate's sockets */
+    const struct odidctl_places *places;
+    struct web_sources sources;
+};
+
+/* server must outlive the loop. Returns 0; -1 with a log line. */
+int web_server_start(const struct web_server *server);
+
+#endif

@@ -1,0 +1,133 @@
+#include "web_status.h"
+
+#include <errno.h>
+#include <json-c/json_tokener.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "odidctl_flights.h"
+#include "utf8.h"
+#include "whole_file.h"
+
+#define FILE_MAX 16384
+#define LINE_SIZE 128
+
+static void add(struct json_object *parent, const char *name, struct json_object *value)
+{
+    json_object_object_add(parent, name, value);
+}
+
+/* The first line of a small file; null when there is none. */
+static struct json_object *line_of(const char *path)
+{
+    struct json_object *line = NULL;
+    char clean[LINE_SIZE], *text;
+    size_t length;
+
+    text = whole_file_read(path, FILE_MAX, &length);
+    if (text != NULL) {
+        text[strcspn(text, "\r\n")] = '\0';
+        utf8_clean(clean, sizeof(clean), text);
+        line = clean[0] == '\0' ? NULL : json_object_new_string(clean);
+        free(text);
+    }
+    return line;
+}
+
+/* A small file that holds one JSON object; null when it doesn't. */
+static struct json_object *object_of(const char *directory, const char *name)
+{
+    char path[ODIDCTL_PATH_SIZE], *text;
+    struct json_object *object = NULL;
+    size_t length;
+
+    snprintf(path, sizeof(path), "%s/%s", directory, name);
+    text = whole_file_read(path, FILE_MAX, &length);
+    if (text != NULL) {
+        object = json_tokener_parse(text);
+        free(text);
+    }
+    if (!json_object_is_type(object, json_type_object)) {
+        json_object_put(object);
+        object = NULL;
+    }
+    return object;
+}
+
+static struct json_object *last_update(const struct odidctl_places *places)
+{
+    char directory[ODIDCTL_PATH_SIZE];
+
+    snprintf(directory, sizeof(directory), "%s/odid", places->data);
+    return object_of(directory, "update.json");
+}
+
+/* Why the daemon gave no status. */
+static const char *silence(int error)
+{
+    switch (error) {
+    case ENOENT:
+    case ECONNREFUSED:
+        return "not running";
+    case EAGAIN:
+        return "does not answer";
+    default:
+        return "can't be asked";
+    }
+}
+
+struct json_object *web_status(const struct odidctl_places *places,
+                               const struct web_sources *sources)
+{
+    struct json_object *root = json_object_new_object(), *daemon;
+    char path[ODIDCTL_PATH_SIZE];
+    int error = 0;
+
+    if (root == NULL) {
+        return NULL;
+    }
+    daemon = odidctl_fetch(places->run_dir, &error);
+    add(root, "daemon", daemon);
+    add(root, "daemon_silence", daemon == NULL ? json_object_new_string(silence(error)) : NULL);
+    add(root, "faults", odidctl_faults(places->faults));
+    add(root, "version", line_of(sources->version));
+    snprintf(path, sizeof(path), "%s/slot", places->state);
+    add(root, "slot", line_of(path));
+    add(root, "update", object_of(places->state, "update.json"));
+    add(root, "last_update", last_update(places));
+    return root;
+}
+
+char *web_flights(const struct web_sources *sources, size_t *length)
+{
+    char *text = NULL;
+    FILE *out = open_memstream(&text, length);
+    int result;
+
+    if (out == NULL) {
+        return NULL;
+    }
+    result = odidctl_flights(out, sources->flights, NULL, odidctl_flights_boot(), true);
+    if (fclose(out) != 0 || (result != 0 && *length == 0)) {
+        free(text);
+        return NULL;
+    }
+    return text;
+}
+
+void web_update_obstacle(const struct odidctl_places *places, char *sentence, size_t size)
+{
+    struct json_object *update = object_of(places->state, "update.json");
+    const char *state = json_object_get_string(json_object_object_get(update, "state"));
+    const char *told = json_object_get_string(json_object_object_get(update, "sentence"));
+
+    sentence[0] = '\0';
+    if (odidctl_armed(places)) {
+        snprintf(sentence, size, "The aircraft is armed: no update until it is disarmed.");
+    } else if (state != NULL && strcmp(state, "idle") != 0) {
+        utf8_clean(sentence, size,
+                   told != NULL && told[0] != '\0' ? told : "Another update is under way.");
+    }
+    json_object_put(update);
+}
