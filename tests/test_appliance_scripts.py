@@ -248,8 +248,10 @@ def test_maintenance_opens_and_closes_without_a_restart(appliance):
     assert [call for call in opened if call.startswith("hostapd_cli")] == [cli + "RELOAD_WPA_PSK", cli + "SET max_num_sta 4"]
     assert [call for call in closed if call.startswith("hostapd_cli")] == [
         cli + "SET max_num_sta 0", cli + "RELOAD_WPA_PSK", cli + "DEAUTHENTICATE ff:ff:ff:ff:ff:ff"]
-    assert 'nft add element inet odid maintenance { "wlan0" }' in opened and "sv up udhcpd" in opened
-    assert "nft flush set inet odid maintenance" in closed and "sv down udhcpd" in closed
+    assert 'nft add element inet odid maintenance { "wlan0", "eth0", "usb0" }' in opened
+    assert "sv up odid-web" in opened and "sv up udhcpd" in opened
+    assert "nft flush set inet odid maintenance" in closed
+    assert closed[0] == "sv down odid-web" and "sv down udhcpd" in closed
     assert not any("hostapd" in call for call in appliance.calls() if call.startswith("sv "))
 
 
