@@ -238,6 +238,7 @@ def test_maintenance_without_a_password_stays_closed_and_says_why(appliance):
 
 def test_maintenance_opens_and_closes_without_a_restart(appliance):
     appliance.write("data/secrets/maintenance.psk", KEY + "\n")
+    appliance.write("sys/class/net/wlan0/operstate", "up\n")
     appliance.must("/lib/odid/maintenance on")
     opened = appliance.calls()
     assert appliance.read("run/hostapd.psk") == f"00:00:00:00:00:00 {KEY}\n"
@@ -253,6 +254,26 @@ def test_maintenance_opens_and_closes_without_a_restart(appliance):
     assert "nft flush set inet odid maintenance" in closed
     assert closed[0] == "sv down odid-web" and "sv down udhcpd" in closed
     assert not any("hostapd" in call for call in appliance.calls() if call.startswith("sv "))
+
+
+def test_the_page_is_there_by_cable_whatever_the_access_point_does(appliance):
+    appliance.write("data/secrets/maintenance.psk", KEY + "\n")
+    appliance.must("/lib/odid/maintenance on")  # there is no wlan0
+    assert "sv up odid-web" in appliance.calls() and "sv up udhcpd" not in appliance.calls()
+    appliance.write("sys/class/net/wlan0/operstate", "up\n")
+    appliance.write("usr/bin/hostapd_cli", "#!/bin/sh\necho FAIL\n")
+    assert appliance.run("/lib/odid/maintenance on").returncode == 1  # to be tried again
+    assert appliance.read("run/odid-appliance/maintenance") == "on\n"
+    assert appliance.calls()[-1] == "sv up odid-web"
+
+
+def test_maintenance_that_began_by_half_is_tried_again_and_ended_by_arming(appliance):
+    appliance.write("lib/odid/armed", '#!/bin/sh\n[ "$(wc -l </calls)" -ge 2 ]\n')
+    appliance.write("lib/odid/maintenance", '#!/bin/sh\necho "maintenance $1" >>/calls\n[ "$1" = off ]\n')
+    appliance.write("calls", "")
+    appliance.settings(maintenance__at_boot="yes")
+    appliance.run("mkdir -p /dev && : >/dev/kmsg; timeout 6 sh /etc/sv/maintenance/run")
+    assert appliance.calls() == ["maintenance on", "maintenance on", "maintenance off"]
 
 
 @pytest.mark.parametrize("heard, armed", [
