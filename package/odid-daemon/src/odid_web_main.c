@@ -37,6 +37,9 @@ static const char usage[] =
     "  -help, -version\n";
 
 #define DESCRIPTORS_MAX 128
+/* Of each connection. The kernel's own choice is megabytes: memory, and a browser that takes a
+ * bundle for sent that lies here still. */
+#define RECEIVE_BUFFER 65536
 
 static struct {
     struct odidctl_places places;
@@ -64,7 +67,7 @@ static int open_listener(void)
     const char *colon = strrchr(self.listen, ':');
     struct addrinfo *place = NULL;
     char address[64];
-    int fd, on = 1;
+    int fd, on = 1, buffer = RECEIVE_BUFFER;
 
     if (colon != NULL) {
         snprintf(address, sizeof(address), "%.*s", (int)(colon - self.listen), self.listen);
@@ -75,6 +78,7 @@ static int open_listener(void)
     }
     fd = socket(place->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
     if (fd < 0 || setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof(on)) < 0 ||
+        setsockopt(fd, SOL_SOCKET, SO_RCVBUF, &buffer, sizeof(buffer)) < 0 ||
         bind(fd, place->ai_addr, place->ai_addrlen) < 0 || listen(fd, 16) < 0) {
         log_error("can't listen on %s: %s", self.listen, strerror(errno));
         if (fd >= 0) {

@@ -114,13 +114,13 @@ function showVerdict(daemon, silence) {
   const some = Object.values(daemon.channels).some((channel) => channel.state === "on air");
   const faults = daemon.problems.some((problem) => problem.severity === "fault");
   if (!daemon.on_air) {
-    showState("bad", some ? "Only partly on the air" : "Not on the air", "Don't fly. What to do stands below.");
+    showState("bad", some ? "Only partly on the air" : "Not on the air", "Don't fly. See below what to do.");
   } else if (faults) {
     showState("warn", "On the air, not ready", "It transmits, but don't fly yet: what it says isn't complete or right. " +
-      "What to do stands below.");
+      "See below what to do.");
   } else {
     showState("good", "On the air", daemon.problems.length
-      ? "It transmits, and nothing stands against flying. Something worth mending stands below."
+      ? "It transmits, and nothing stands against flying. Something is worth mending: see below."
       : "It transmits, and nothing stands against flying.");
   }
 }
@@ -129,15 +129,15 @@ function showVerdict(daemon, silence) {
 
 // The daemon's advice speaks of odid.conf; where this page can do it, the page says so.
 const HERE = [
-  [/^missing operator_id/, "Nobody knows who flies it. Enter the operator number below."],
-  [/^Operator ID is no EU number/, "Compare the operator number below with the registration."],
-  [/^missing basic_id/, "Nobody knows which aircraft it is. Enter the serial number below."],
-  [/^Basic ID is no valid serial/, "Compare the serial number below with the aircraft's label."],
+  [/^missing operator_id/, "No operator number", "Nobody can tell who flies it. Enter the number below."],
+  [/^Operator ID is no EU number/, null, "Compare the operator number below with the registration."],
+  [/^missing basic_id/, "No serial number", "Nobody can tell which aircraft it is. Enter the number below."],
+  [/^Basic ID is no valid serial/, null, "Compare the serial number below with the aircraft's label."],
 ];
 
-function advice(problem) {
-  const here = HERE.find(([pattern]) => pattern.test(problem.reason));
-  return here ? here[1] : problem.advice;
+function problemText(problem) {
+  const here = HERE.find(([pattern]) => pattern.test(problem.reason)) || [];
+  return [element("strong", {}, here[1] || sentence(problem.reason)), element("span", {}, here[2] || problem.advice)];
 }
 
 function sentence(text) {
@@ -147,12 +147,10 @@ function sentence(text) {
 function showProblems(answer) {
   const items = [];
   for (const problem of answer.daemon ? answer.daemon.problems : []) {
-    items.push(element("li", { kind: problem.severity === "fault" ? "bad" : "warn" },
-      element("strong", {}, sentence(problem.reason)), element("span", {}, advice(problem))));
+    items.push(element("li", { kind: problem.severity === "fault" ? "bad" : "warn" }, ...problemText(problem)));
   }
   for (const fault of answer.faults) {
-    items.push(element("li", { kind: "warn" },
-      element("strong", {}, `The appliance: ${fault.name.replaceAll("_", " ")}`), element("span", {}, fault.sentence)));
+    items.push(element("li", { kind: "warn" }, element("strong", {}, "The computer on board"), element("span", {}, fault.sentence)));
   }
   for (const line of answer.daemon ? answer.daemon.configuration.sentences : []) {
     items.push(element("li", { kind: "warn" }, element("strong", {}, "A setting"), element("span", {}, sentence(line))));
@@ -166,7 +164,7 @@ function showProblems(answer) {
 const STATES = { // word and kind, when the channel is required and when not
   "on air": ["On the air", "good"],
   "disabled": ["Switched off", ""],
-  "unsupported": ["Not with this radio", ""],
+  "unsupported": ["Not possible", ""],
   "absent": ["Not found", "bad"],
   "blocked": ["Radio switched off", "bad"],
   "down": ["Down", "bad"],
@@ -315,7 +313,7 @@ function showSoftware(answer) {
   }
 }
 
-let upload = null; // { request, begun, sent, before }
+let upload = null; // { request, begun, before (the last result then), sent, installing }
 
 function showProgress(label, percent, text) {
   $("progress").hidden = false;
@@ -338,16 +336,19 @@ function showUpdate(answer) {
   const update = answer.update || { state: "idle" };
   const busy = busyStates.includes(update.state);
   restarting = update.state === "waiting-for-reboot" || (restarting && busy);
+  if (busy && (!upload || upload.sent || update.percent !== null)) {
+    // Better than what has been sent: part of that lies in buffers still.
+    showProgress(update.sentence || "Installing", update.percent, left(update.percent, update.seconds_left));
+  }
   if (upload && !upload.sent) {
+    upload.installing = busy && update.percent !== null;
     // Refused while it is still being sent: the sentence is there before the last octet is.
     if (answer.last_update && answer.last_update.outcome === "refused" &&
         JSON.stringify(answer.last_update) !== upload.before) endUpload("bad", answer.last_update.sentence);
-  } else if (busy) {
-    showProgress(update.sentence || "Installing", update.percent, left(update.percent, update.seconds_left));
-  } else if (upload && JSON.stringify(answer.last_update) !== upload.before) {
+  } else if (upload && !busy && JSON.stringify(answer.last_update) !== upload.before) {
     const [, kind] = OUTCOMES[answer.last_update.outcome] || ["", ""];
     endUpload(kind, answer.last_update.sentence);
-  } else if (!upload) {
+  } else if (!upload && !busy) {
     $("progress").hidden = true;
   }
   $("bundle").disabled = busy || upload !== null;
@@ -366,7 +367,7 @@ function endUpload(kind, ...sentences) {
 }
 
 function sending(event) {
-  if (!upload) return;
+  if (!upload || upload.installing) return;
   const seconds = (performance.now() - upload.begun) / 1000;
   const rate = event.loaded / Math.max(seconds, 0.1);
   const percent = event.total ? event.loaded / event.total * 100 : null;
@@ -531,6 +532,6 @@ $("update-form").addEventListener("submit", install);
 $("bundle").addEventListener("change", () => {
   $("update-form").querySelector("button").disabled = upload !== null || !$("bundle").files.length;
 });
-$("cancel").addEventListener("click", () => endUpload("", "Cancelled; nothing was installed."));
+$("cancel").addEventListener("click", () => endUpload("", "Sending was cancelled. A file that arrived by half isn't installed."));
 $("flights-show").addEventListener("click", showFlights);
 poll();
