@@ -1,0 +1,187 @@
+"""The real odid-web on loopback, in folders that stand for the appliance's.
+
+What the appliance's daemon would say is a recording of the real one's (status.json), changed by each
+test as it needs; the updater is Debian's SWUpdate (updater.py), or none.
+"""
+
+import copy
+import hashlib
+import http.client
+import json
+import os
+import socket
+import subprocess
+import threading
+import time
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parent.parent
+PROGRAM = ROOT / "build/daemon/odid-web"
+FILES = ROOT / "overlay/usr/share/odid-web"
+SSID, PASSWORD = "RemoteID-0A1B", "saltwater-and-wind"
+CONFIGURATION = "[basic_id]\nuas_id = SSRS5GBG01\n\n[operator]\noperator_id = SWE3jxza7qbzvu5d\n"
+# The serving half becomes a user with no rights; nobody is on every machine.
+USER = "nobody" if os.geteuid() == 0 else ""
+
+
+def recorded():
+    return json.loads((HERE / "status.json").read_text(encoding="utf-8"))
+
+
+class Daemon:
+    """Answers on status.sock as odid-daemon does."""
+
+    def __init__(self, folder):
+        self.status = recorded()
+        self.hangs = False
+        self.path = folder / "status.sock"
+        self.listener = socket.socket(socket.AF_UNIX)
+        self.listener.bind(str(self.path))
+        self.path.chmod(0o666)
+        self.listener.listen(8)
+        self.held = []
+        threading.Thread(target=self._serve, daemon=True).start()
+
+    def _serve(self):
+        while True:
+            try:
+                connection, _ = self.listener.accept()
+            except OSError:
+                return
+            if self.hangs:
+                self.held.append(connection)
+                continue
+            try:
+                connection.sendall(json.dumps(self.status).encode())
+            except OSError:
+                pass
+            connection.close()
+
+    def stop(self):
+        self.path.unlink(missing_ok=True)
+        self.listener.close()
+
+
+class Appliance:
+    def __init__(self, folder, files=FILES, flags=()):
+        self.folder = Path(folder)
+        for name in ("data/odid/flights", "data/secrets", "faults", "run", "state", "updater"):
+            (self.folder / name).mkdir(parents=True)
+        (self.folder / "data/secrets").chmod(0o700)
+        self.write("version", "1.4.0\n")
+        self.write("state/slot", "a\n")
+        self.write("data/odid/odid.conf", CONFIGURATION)
+        self.write("data/secrets/wifi_ssid", SSID + "\n", 0o600)
+        key = hashlib.pbkdf2_hmac("sha1", PASSWORD.encode(), SSID.encode(), 4096, 32).hex()
+        self.write("data/secrets/maintenance.psk", key + "\n", 0o600)
+        self.write("apply", f"#!/bin/sh\necho applied >>{self.folder}/applied\n", 0o755)
+        self.daemon = Daemon(self.folder / "run")
+        self.port = self.process = None
+        self.files, self.flags = files, flags
+        self.start()
+
+    # --- the program ---
+
+    def start(self):
+        if self.port is None:
+            with socket.socket() as one:
+                one.bind(("127.0.0.1", 0))
+                self.port = one.getsockname()[1]
+        self.log = open(self.folder / "odid-web.log", "ab")
+        places = {"run-dir": "run", "data": "data", "faults": "faults", "state": "state", "apply": "apply",
+                  "flights-dir": "data/odid/flights", "updater": "updater", "image-version": "version"}
+        words = [str(PROGRAM), "-listen", f"127.0.0.1:{self.port}", "-user", USER, "-files", str(self.files), *self.flags]
+        for flag, place in places.items():
+            words += [f"-{flag}", str(self.folder / place)]
+        self.process = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=self.log, stderr=self.log)
+        deadline = time.monotonic() + 5
+        while True:
+            try:
+                socket.create_connection(("127.0.0.1", self.port), 1).close()
+                return
+            except OSError:
+                if time.monotonic() > deadline or self.process.poll() is not None:
+                    raise RuntimeError(f"odid-web didn't start: {self.said()}") from None
+                time.sleep(0.02)
+
+    def stop(self):
+        if self.process.poll() is None:
+            self.process.terminate()
+            self.process.wait(5)
+        self.log.close()
+
+    def end(self):
+        self.stop()
+        self.daemon.stop()
+
+    def said(self):
+        return (self.folder / "odid-web.log").read_text(errors="replace")
+
+    # --- its surroundings ---
+
+    def write(self, path, text, mode=None):
+        path = self.folder / path
+        new = path.with_name(f".{path.name}.new")
+        new.write_text(text, encoding="utf-8")
+        new.chmod(0o644 if mode is None else mode)
+        new.rename(path)
+
+    def read(self, path):
+        return (self.folder / path).read_text(encoding="utf-8")
+
+    def update(self, state="idle", percent=None, seconds_left=None, sentence=""):
+        """What the update's own services say is going on."""
+        self.write("state/update.json", json.dumps(
+            {"state": state, "percent": percent, "seconds_left": seconds_left, "sentence": sentence}))
+
+    def last_update(self, outcome, sentence, version="1.5.0", at="2026-11-21T10:12:13Z"):
+        self.write("data/odid/update.json", json.dumps(
+            {"time": at, "from": "1.4.0", "to": version, "outcome": outcome, "sentence": sentence}))
+
+    def status(self, **changes):
+        """Changes what the daemon says: channels__bt4__state="lost"."""
+        status = copy.deepcopy(self.daemon.status)
+        for path, value in changes.items():
+            place = status
+            *way, name = path.split("__")
+            for step in way:
+                place = place[step]
+            place[name] = value
+        self.daemon.status = status
+
+    # --- asking without a browser ---
+
+    @property
+    def url(self):
+        return f"http://127.0.0.1:{self.port}/"
+
+    def ask(self, method, path, body=None, headers=None, page=True, cookie=None):
+        """Returns the code, what came back and the header fields; None for a header leaves it out."""
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=30)
+        sent = {"X-Odid-Page": "1"} if page else {}
+        if cookie:
+            sent["Cookie"] = cookie
+        sent |= headers or {}
+        if isinstance(body, dict):
+            body = json.dumps(body).encode()
+        try:
+            connection.putrequest(method, path, skip_host="Host" in sent)
+            for name, value in sent.items():
+                if value is not None:
+                    connection.putheader(name, value)
+            if body is not None:
+                connection.putheader("Content-Length", str(len(body)))
+            connection.endheaders(body)
+            answer = connection.getresponse()
+            text = answer.read()
+        finally:
+            connection.close()
+        is_json = answer.getheader("Content-Type") == "application/json"
+        return answer.status, json.loads(text) if is_json else text, answer.headers
+
+    def login(self):
+        """Returns the session's cookie."""
+        code, said, headers = self.ask("POST", "/api/session", {"password": PASSWORD})
+        assert code == 200, said
+        return headers["Set-Cookie"].split(";")[0]
