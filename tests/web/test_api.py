@@ -276,6 +276,11 @@ def test_no_bundle_is_begun_when_none_may_be_installed(appliance, updater, obsta
     assert updater.bundles == []
 
 
+def test_what_is_no_bundle_by_its_size_is_stopped(appliance, updater):
+    code, said, _ = appliance.ask("POST", "/api/update", b"x" * (64 * 1024 * 1024 + 1), cookie=appliance.login())
+    assert code == 413 and "too large" in said["sentence"]
+
+
 def test_without_an_updater_it_says_so(appliance):
     code, said, _ = appliance.ask("POST", "/api/update", BUNDLE, cookie=appliance.login())
     assert code == 409 and "updater isn't running" in said["sentence"]
@@ -297,6 +302,7 @@ def field(pid, name):
 def test_who_speaks_http_has_no_rights(appliance):
     (serving,) = children(appliance.process.pid)
     assert field(serving, "Uid") != "0" and field(serving, "NoNewPrivs") == "1"
+    assert field(serving, "Seccomp") == "2"
     for name in ("CapInh", "CapPrm", "CapEff", "CapBnd", "CapAmb"):
         assert int(field(serving, name), 16) == 0, name
     own = f"127.0.0.1:{appliance.port}"
@@ -318,8 +324,10 @@ def test_its_end_closes_the_sockets(appliance):
     idle = http.client.HTTPConnection("127.0.0.1", appliance.port, timeout=2)
     idle.request("GET", "/")
     idle.getresponse().read()
+    (serving,) = children(appliance.process.pid)
     appliance.process.terminate()
     assert appliance.process.wait(2) == -15
+    wait_for("the serving half to end", lambda: not Path(f"/proc/{serving}/exe").exists(), 1)
     with pytest.raises((OSError, http.client.HTTPException)):
         idle.request("GET", "/")
         idle.getresponse()

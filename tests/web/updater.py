@@ -45,16 +45,16 @@ class Updater:
         connection.sendall(answer.ljust(len(question), b"\0"))
         if self.busy:
             return
-        bundle, self.taken = b"", 0
+        bundle, self.taken = bytearray(), 0
         while self.limit is None or self.taken < self.limit:
-            piece = connection.recv(16384)
+            piece = connection.recv(65536)
             if not piece:
                 break
             bundle += piece
             self.taken = len(bundle)
             if self.rate:
                 time.sleep(len(piece) / self.rate)
-        self.bundles.append(bundle)
+        self.bundles.append(bytes(bundle))
         self.over.set()
 
     def stop(self):

@@ -34,6 +34,7 @@ struct request {
     char body[WEB_BODY_MAX + 1];
     size_t length; /* more than WEB_BODY_MAX: too long, and not kept */
     int updater;   /* where the bundle goes; -1: nowhere */
+    uint64_t sent; /* of it, octets that came from the browser */
     struct loop_watch writable;
 };
 
@@ -373,6 +374,13 @@ static void wait_for_room(struct request *request)
     }
 }
 
+static void stop_upload(struct request *request, unsigned code, const char *sentence)
+{
+    web_upload_close(request->updater);
+    request->updater = -1;
+    refuse(request, code, sentence);
+}
+
 /*
  * What comes after a refusal is read and dropped: a browser shows an answer
  * only when it could send all it had.
@@ -387,10 +395,15 @@ static void take_bundle(struct request *request, const char *data, size_t *lengt
     }
     done = web_upload_give(request->updater, data, *length);
     if (done < 0) {
-        web_upload_close(request->updater);
-        request->updater = -1;
-        refuse(request, MHD_HTTP_CONFLICT,
-               "The updater stopped taking the bundle: it was refused, or the update failed.");
+        stop_upload(request, MHD_HTTP_CONFLICT,
+                    "The updater stopped taking the bundle: it was refused, or the update failed.");
+        *length = 0;
+        return;
+    }
+    request->sent += (uint64_t)done;
+    if (request->sent > WEB_UPLOAD_MAX) {
+        stop_upload(request, MHD_HTTP_CONTENT_TOO_LARGE,
+                    "That is far too large for an update; it wasn't installed.");
         *length = 0;
         return;
     }
