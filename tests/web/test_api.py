@@ -3,6 +3,7 @@
 import http.client
 import os
 import socket
+import struct
 import subprocess
 import threading
 import time
@@ -240,7 +241,7 @@ def test_the_page_answers_while_a_slow_updater_takes_a_bundle(appliance, updater
 def test_a_bundle_that_is_refused_half_way_is_said_to_be(appliance, updater):
     updater.limit = 100000
     code, said, _ = appliance.ask("POST", "/api/update", BUNDLE, cookie=appliance.login())
-    assert code == 409 and "stopped taking the bundle" in said["sentence"]
+    assert code == 502 and "stopped taking the bundle" in said["sentence"]
 
 
 def test_a_connection_that_is_cut_ends_the_bundle(appliance, updater):
@@ -274,6 +275,39 @@ def test_no_bundle_is_begun_when_none_may_be_installed(appliance, updater, obsta
     code, said, _ = appliance.ask("POST", "/api/update", BUNDLE, cookie=cookie)
     assert code == 409 and sentence in said["sentence"]
     assert updater.bundles == []
+
+
+@pytest.mark.parametrize("how", ["closed", "reset"])
+def test_a_browser_that_leaves_ends_the_bundle_at_once(appliance, updater, how):
+    """With much of the bundle still on its way: the end comes right behind the last octets."""
+    updater.rate = 3_000_000
+    cookie = appliance.login()
+    for _ in range(4):
+        browser = socket.create_connection(("127.0.0.1", appliance.port))
+        browser.settimeout(0.4)
+        head = (f"POST /api/update HTTP/1.1\r\nHost: 127.0.0.1:{appliance.port}\r\nX-Odid-Page: 1\r\n"
+                f"Cookie: {cookie}\r\nContent-Length: 9000000\r\n\r\n")
+        with pytest.raises(TimeoutError):
+            browser.sendall(head.encode() + bytes(9000000))
+        if how == "reset":
+            browser.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        browser.close()
+        assert updater.over.wait(4)
+        updater.over.clear()
+    assert max(map(len, updater.bundles)) < 9000000
+
+
+def test_only_one_bundle_at_a_time(appliance, updater):
+    updater.rate = 400000
+    cookie = appliance.login()
+    first = threading.Thread(target=appliance.ask, args=("POST", "/api/update", BUNDLE), kwargs={"cookie": cookie})
+    first.start()
+    wait_for("the bundle to begin", lambda: updater.taken)
+    code, said, _ = appliance.ask("POST", "/api/update", b"x" * 1000, cookie=cookie)
+    assert (code, said["sentence"]) == (409, "Another file is being sent already.")
+    first.join()
+    wait_for("the bundle's end", lambda: updater.bundles)
+    assert updater.bundles == [BUNDLE]
 
 
 def test_what_is_no_bundle_by_its_size_is_stopped(appliance, updater):

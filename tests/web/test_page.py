@@ -15,9 +15,15 @@ from .browser import LAPTOP, PHONE, Browser
 
 PICTURES = os.environ.get("ODID_PICTURES")
 REFUSED = "The bundle isn't signed with a key that this aircraft trusts; nothing was changed."
-RECORD = ('{"t":2.1,"event":"start","boot":"%s","version":"0.1.0","image":"1.4.0"}\n'
-          '{"t":3.9,"event":"first_broadcast","channel":"bt4"}\n'
-          '{"t":40.0,"event":"clock","utc":"2026-11-20T14:%02d:00Z"}\n')
+TOTALS = ('{"t":1900.0,"event":"totals","armed_since":null,"armed_s":1500.0,"faults":0,"armed_faults":0,"restarts":0,'
+          '"armed_fault_s":{},"channels":{"bt4":%s,"wifi":%s}}\n')
+HEARD = '{"required":true,"first":3.9,"heard":1900.0,"silent_s":0.0,"longest_gap_s":0.0,"gaps":0,"open_gap_s":0.0}'
+SILENT = '{"required":true,"first":4.4,"heard":1900.0,"silent_s":7.2,"longest_gap_s":4.1,"gaps":2,"open_gap_s":0.0}'
+
+
+def record(wifi=HEARD):
+    return ('{"t":2.1,"event":"start","format":1,"boot":"boot","version":"0.1.0","image":"1.4.0"}\n'
+            '{"t":40.0,"event":"clock","utc":"2026-11-20T14:11:00Z"}\n' + TOTALS % (HEARD, wifi))
 
 
 @pytest.fixture
@@ -304,11 +310,21 @@ def test_a_refusal_says_why(browse, appliance, updater, sentence):
     updater.over.wait(5)
     appliance.last_update("refused", sentence)
     browser.sees("#last-update-text", re.escape(sentence).replace(r"\ ", " "))
-    browser.sees("#update-said", "refused|older|hash|odid-qemu|signed")
-    assert browser.kind("#update-said") == "bad" and not browser.page.locator("#progress").is_visible()
-    assert browser.kind("#last-update") == "bad"
+    browser.sees("#last-update-title", "^Last update: Refused$")
+    browser.page.wait_for_selector("#progress", state="hidden")
+    assert browser.kind("#last-update") == "bad" and browser.text("#update-said") == ""
     if sentence == REFUSED:
         picture(browser, "refused", "#software-title >> xpath=..")
+
+
+def test_an_updater_that_stops_without_a_word_is_said_to(browse, appliance, updater):
+    updater.limit = 200_000
+    appliance.last_update("installed", "Version 1.4.0 is installed.", "1.4.0")
+    browser = browse()
+    install(browser, bundle(appliance))
+    browser.sees("#progress-label", "looking why")
+    browser.sees("#update-said", "The updater stopped taking the bundle")
+    assert browser.kind("#update-said") == "bad" and not browser.page.locator("#progress").is_visible()
 
 
 def test_a_roll_back_says_why(browse, appliance):
@@ -375,8 +391,8 @@ def test_what_is_no_bundle_is_not_sent(browse, appliance, updater, size, word):
 
 
 def test_flight_records_are_listed_and_downloaded(browse, appliance):
-    for number in (11, 12):
-        appliance.write(f"data/odid/flights/{number:05}.jsonl", RECORD % ("boot", number))
+    for number, wifi in ((11, SILENT), (12, HEARD)):
+        appliance.write(f"data/odid/flights/{number:05}.jsonl", record(wifi))
     browser = browse()
     browser.button("Show").click()
     browser.sees("#flight-list", r"12: 2026-11-20 14:\d\d UTC.*11: 2026")
@@ -410,7 +426,7 @@ def busy_page(appliance):
     appliance.write("faults/data", "/data can't be mounted, and is being repaired. " * 4)
     appliance.update("installing", 40, 33, "Installing version 1.5.0-with-a-long-name.")
     appliance.last_update("refused", REFUSED, "1.5.0-with-a-long-name-of-a-version-0123456789")
-    appliance.write("data/odid/flights/00012.jsonl", RECORD % ("boot", 12))
+    appliance.write("data/odid/flights/00012.jsonl", record())
 
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])

@@ -21,7 +21,6 @@
 #include <unistd.h>
 
 #include "log.h"
-#include "loop.h"
 #include "odidctl_flights.h"
 #include "web_helper.h"
 #include "web_server.h"
@@ -153,8 +152,6 @@ static bool give_rights_away(void)
 /* Never returns. */
 static void serve(pid_t parent)
 {
-    int result;
-
     if (!give_rights_away()) {
         _exit(EXIT_FAILURE);
     }
@@ -162,12 +159,7 @@ static void serve(pid_t parent)
     if (prctl(PR_SET_PDEATHSIG, SIGKILL) < 0 || getppid() != parent) {
         _exit(EXIT_FAILURE);
     }
-    result = loop_init();
-    if (result < 0 || web_server_start(&self.server) < 0) {
-        _exit(EXIT_FAILURE);
-    }
-    result = loop_run();
-    log_error("the web server's loop ended: %s", strerror(-result));
+    log_error("the web server can't go on: %s", strerror(-web_server_run(&self.server)));
     _exit(EXIT_FAILURE);
 }
 

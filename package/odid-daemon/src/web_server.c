@@ -6,8 +6,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/epoll.h>
 #include <sys/random.h>
+#include <sys/select.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -35,43 +35,15 @@ struct request {
     size_t length; /* more than WEB_BODY_MAX: too long, and not kept */
     int updater;   /* where the bundle goes; -1: nowhere */
     uint64_t sent; /* of it, octets that came from the browser */
-    struct loop_watch writable;
 };
 
 static struct {
     const struct web_server *server;
     struct MHD_Daemon *http;
-    struct loop_watch watch;
-    struct loop_timer timer;
     struct web_sessions sessions;
-} self = {.watch = {.fd = -1}};
-
-/* ---- the loop ---- */
-
-static void run(void)
-{
-    MHD_UNSIGNED_LONG_LONG wait_ms;
-
-    MHD_run(self.http);
-    loop_arm(&self.timer, MHD_get_timeout(self.http, &wait_ms) == MHD_YES
-                              ? loop_now_us() + (int64_t)wait_ms * 1000
-                              : LOOP_NEVER);
-}
-
-static void on_ready(void *context, uint32_t events, int64_t now_us)
-{
-    (void)context;
-    (void)events;
-    (void)now_us;
-    run();
-}
-
-static void on_timer(void *context, int64_t now_us)
-{
-    (void)context;
-    (void)now_us;
-    run();
-}
+    struct request *uploading; /* the one that has an updater; NULL: none */
+    bool waiting;              /* for room in the updater */
+} self;
 
 /* ---- answers ---- */
 
@@ -344,40 +316,32 @@ static void begin_upload(struct request *request)
     char sentence[SENTENCE_SIZE];
 
     web_update_obstacle(self.server->places, sentence, sizeof(sentence));
+    if (sentence[0] == '\0' && self.uploading != NULL) {
+        snprintf(sentence, sizeof(sentence), "Another file is being sent already.");
+    }
     if (sentence[0] == '\0') {
         request->updater = web_upload_open(self.server->updater, sentence, sizeof(sentence));
     }
     if (request->updater < 0) {
         refuse(request, MHD_HTTP_CONFLICT, sentence);
-    } else {
-        log_info("a bundle is being sent to the page");
+        return;
     }
+    self.uploading = request;
+    log_info("a bundle is being sent to the page");
 }
 
-/* SWUpdate takes more, or has closed its end: MHD then offers again what is left. */
-static void on_writable(void *context, uint32_t events, int64_t now_us)
+/* In order, or because it can't go on: what SWUpdate has then is too short. */
+static void close_upload(struct request *request)
 {
-    struct request *request = context;
-
-    (void)events;
-    (void)now_us;
-    loop_unwatch(&request->writable);
-    MHD_resume_connection(request->connection);
-    run();
-}
-
-/* Until SWUpdate takes more, nothing more is read from the browser. */
-static void wait_for_room(struct request *request)
-{
-    if (loop_watch(&request->writable, request->updater, EPOLLOUT, on_writable, request) == 0) {
-        MHD_suspend_connection(request->connection);
-    }
+    web_upload_close(request->updater);
+    request->updater = -1;
+    self.uploading = NULL;
+    self.waiting = false;
 }
 
 static void stop_upload(struct request *request, unsigned code, const char *sentence)
 {
-    web_upload_close(request->updater);
-    request->updater = -1;
+    close_upload(request);
     refuse(request, code, sentence);
 }
 
@@ -395,7 +359,7 @@ static void take_bundle(struct request *request, const char *data, size_t *lengt
     }
     done = web_upload_give(request->updater, data, *length);
     if (done < 0) {
-        stop_upload(request, MHD_HTTP_CONFLICT,
+        stop_upload(request, MHD_HTTP_BAD_GATEWAY,
                     "The updater stopped taking the bundle: it was refused, or the update failed.");
         *length = 0;
         return;
@@ -408,15 +372,15 @@ static void take_bundle(struct request *request, const char *data, size_t *lengt
         return;
     }
     *length -= (size_t)done;
-    if (*length > 0) {
-        wait_for_room(request);
+    if (*length > 0) { /* until SWUpdate takes more, nothing more is read from the browser */
+        MHD_suspend_connection(request->connection);
+        self.waiting = true;
     }
 }
 
 static enum MHD_Result end_upload(struct request *request)
 {
-    web_upload_close(request->updater);
-    request->updater = -1;
+    close_upload(request);
     log_info("the bundle is sent");
     return give_sentence(request, MHD_HTTP_ACCEPTED, "The whole bundle is with the updater.");
 }
@@ -467,7 +431,7 @@ static enum MHD_Result begin(struct MHD_Connection *connection, const char *path
     }
     *context = request;
     request->connection = connection;
-    request->updater = request->writable.fd = -1;
+    request->updater = -1;
     request->target = web_target(method, path);
     judge(request);
     return MHD_YES;
@@ -551,8 +515,7 @@ static void on_over(void *closure, struct MHD_Connection *connection, void **con
     }
     if (request->updater >= 0) {
         log_warning("the bundle was cut short on its way to the page");
-        loop_unwatch(&request->writable);
-        web_upload_close(request->updater);
+        close_upload(request);
     }
     (void)how;
     explicit_bzero(request->body, sizeof(request->body));
@@ -560,7 +523,7 @@ static void on_over(void *closure, struct MHD_Connection *connection, void **con
     *context = NULL;
 }
 
-/* ---- start ---- */
+/* ---- the loop ---- */
 
 static void on_log(void *closure, const char *format, va_list arguments)
 {
@@ -572,30 +535,60 @@ static void on_log(void *closure, const char *format, va_list arguments)
     log_debug("http: %s", line);
 }
 
-int web_server_start(const struct web_server *server)
+/*
+ * One round. select(), for libmicrohttpd's way with epoll overlooks the end of
+ * a connection that it reads together with the last data: a bundle that was
+ * cut short would wait for its time-out.
+ */
+static int round_once(void)
 {
-    const union MHD_DaemonInfo *info;
-    int result;
+    MHD_UNSIGNED_LONG_LONG wait_ms = 0;
+    fd_set readable, writable, broken;
+    struct timeval wait = {0};
+    bool limited;
+    int highest = -1;
+
+    FD_ZERO(&readable);
+    FD_ZERO(&writable);
+    FD_ZERO(&broken);
+    if (MHD_get_fdset(self.http, &readable, &writable, &broken, &highest) != MHD_YES) {
+        return -EIO;
+    }
+    if (self.waiting) {
+        FD_SET(self.uploading->updater, &writable);
+        highest = self.uploading->updater > highest ? self.uploading->updater : highest;
+    }
+    limited = MHD_get_timeout(self.http, &wait_ms) == MHD_YES;
+    wait.tv_sec = (time_t)(wait_ms / 1000);
+    wait.tv_usec = (suseconds_t)(wait_ms % 1000 * 1000);
+    if (select(highest + 1, &readable, &writable, &broken, limited ? &wait : NULL) < 0) {
+        return errno == EINTR ? 0 : -errno;
+    }
+    /* It takes more, or has closed its end: what is left is then offered again. */
+    if (self.waiting && FD_ISSET(self.uploading->updater, &writable)) {
+        self.waiting = false;
+        MHD_resume_connection(self.uploading->connection);
+    }
+    return MHD_run_from_select(self.http, &readable, &writable, &broken) == MHD_YES ? 0 : -EIO;
+}
+
+int web_server_run(const struct web_server *server)
+{
+    int result = 0;
 
     self.server = server;
     self.http =
-        MHD_start_daemon(MHD_USE_EPOLL | MHD_ALLOW_SUSPEND_RESUME | MHD_USE_ERROR_LOG, 0, NULL,
-                         NULL, on_request, NULL, MHD_OPTION_EXTERNAL_LOGGER, on_log, NULL,
-                         MHD_OPTION_LISTEN_SOCKET, server->listener, MHD_OPTION_NOTIFY_COMPLETED,
-                         on_over, NULL, MHD_OPTION_CONNECTION_LIMIT, (unsigned)CONNECTIONS_MAX,
+        MHD_start_daemon(MHD_ALLOW_SUSPEND_RESUME | MHD_USE_ERROR_LOG, 0, NULL, NULL, on_request,
+                         NULL, MHD_OPTION_EXTERNAL_LOGGER, on_log, NULL, MHD_OPTION_LISTEN_SOCKET,
+                         server->listener, MHD_OPTION_NOTIFY_COMPLETED, on_over, NULL,
+                         MHD_OPTION_CONNECTION_LIMIT, (unsigned)CONNECTIONS_MAX,
                          MHD_OPTION_PER_IP_CONNECTION_LIMIT, (unsigned)CONNECTIONS_FROM_ONE_MAX,
                          MHD_OPTION_CONNECTION_TIMEOUT, (unsigned)IDLE_S, MHD_OPTION_END);
-    info = self.http == NULL ? NULL : MHD_get_daemon_info(self.http, MHD_DAEMON_INFO_EPOLL_FD);
-    if (info == NULL) {
-        log_error("the web server can't be started: %s", strerror(errno));
-        return -1;
+    if (self.http == NULL) {
+        return -EIO;
     }
-    result = loop_watch(&self.watch, info->epoll_fd, EPOLLIN, on_ready, NULL);
-    if (result < 0) {
-        log_error("the web server can't be watched: %s", strerror(-result));
-        return -1;
+    while (result == 0) {
+        result = round_once();
     }
-    loop_timer_init(&self.timer, on_timer, NULL);
-    run();
-    return 0;
+    return result;
 }

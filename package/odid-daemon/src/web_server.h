@@ -1,6 +1,6 @@
 /*
- * The page's HTTP server: libmicrohttpd in our event loop. It runs without
- * rights; what needs root is asked of web_helper.
+ * The page's HTTP server, on libmicrohttpd: one thread, one loop. It runs
+ * without rights; what needs root is asked of web_helper.
  */
 #ifndef ODID_WEB_SERVER_H
 #define ODID_WEB_SERVER_H
@@ -17,7 +17,7 @@ struct web_server {
     struct web_sources sources;
 };
 
-/* server must outlive the loop. Returns 0; -1 with a log line. */
-int web_server_start(const struct web_server *server);
+/* Serves for ever. Returns only when it can't: -errno. */
+int web_server_run(const struct web_server *server);
 
 #endif

@@ -4,6 +4,7 @@
 
 const POLL_MS = 1000;
 const ANSWER_MS = 8000;             // the appliance itself waits 3 s for its daemon
+const STOPPED = 502;                // the updater closed its end before the bundle's
 const BUNDLE_MAX = 64 * 1024 * 1024; // as the appliance's: what is larger is no bundle
 
 const $ = (id) => document.getElementById(id);
@@ -295,6 +296,7 @@ async function save(event) {
 
 // ---- software and update ----
 
+// The outcome stands below until the next update, whatever happens in between.
 const OUTCOMES = { "installed": ["Installed", "good"], "refused": ["Refused", "bad"], "rolled-back": ["Rolled back", "bad"] };
 
 function showSoftware(answer) {
@@ -313,7 +315,8 @@ function showSoftware(answer) {
   }
 }
 
-let upload = null; // { request, begun, before (the last result then), sent, installing }
+// { request, begun, before: the last result then, sent, installing, stopped: why, until: when that is said }
+let upload = null;
 
 function showProgress(label, percent, text) {
   $("progress").hidden = false;
@@ -343,11 +346,11 @@ function showUpdate(answer) {
   if (upload && !upload.sent) {
     upload.installing = busy && update.percent !== null;
     // Refused while it is still being sent: the sentence is there before the last octet is.
-    if (answer.last_update && answer.last_update.outcome === "refused" &&
-        JSON.stringify(answer.last_update) !== upload.before) endUpload("bad", answer.last_update.sentence);
-  } else if (upload && !busy && JSON.stringify(answer.last_update) !== upload.before) {
-    const [, kind] = OUTCOMES[answer.last_update.outcome] || ["", ""];
-    endUpload(kind, answer.last_update.sentence);
+    if (ended(answer) && answer.last_update.outcome === "refused") endUpload("");
+  } else if (upload && !busy && ended(answer)) {
+    endUpload("");
+  } else if (upload && upload.stopped && performance.now() > upload.until) {
+    endUpload("bad", upload.stopped);
   } else if (!upload && !busy) {
     $("progress").hidden = true;
   }
@@ -355,10 +358,15 @@ function showUpdate(answer) {
   $("update-form").querySelector("button").disabled = busy || upload !== null || !$("bundle").files.length;
 }
 
+// Is there a result that wasn't there when the upload began? It says more than we could.
+function ended(answer) {
+  return answer.last_update !== null && JSON.stringify(answer.last_update) !== upload.before;
+}
+
 function endUpload(kind, ...sentences) {
-  const ended = upload;
+  const over = upload;
   upload = null;
-  if (ended && !ended.sent) ended.request.abort();
+  if (over && !over.sent) over.request.abort();
   $("cancel").hidden = true;
   $("progress").hidden = true;
   $("bundle").disabled = false;
@@ -378,22 +386,22 @@ function sending(event) {
 // Everything is with the updater, or it was refused, or the way broke.
 function sent(request) {
   if (!upload || upload.request !== request) return;
-  if (request.status === 202) {
-    upload.sent = true;
-    $("cancel").hidden = true;
-    showProgress("The aircraft checks and installs it", null, "");
-    return;
-  }
-  if (request.status === 401) showLogin("");
-  const latest = status && status.last_update;
-  const why = latest && JSON.stringify(latest) !== upload.before ? latest.sentence : null;
   let told = null;
   try {
     told = JSON.parse(request.responseText).sentence;
   } catch {
     // Nothing came back.
   }
-  endUpload("bad", why || told || "The connection broke before the whole file was sent; nothing was installed. " +
+  if (request.status === 202 || request.status === STOPPED) {
+    upload.sent = true;
+    $("cancel").hidden = true;
+    // Why it stopped is told by the result, a moment later.
+    if (request.status === STOPPED) Object.assign(upload, { stopped: told, until: performance.now() + 3 * POLL_MS });
+    showProgress(request.status === STOPPED ? "It stopped; looking why" : "The aircraft checks and installs it", null, "");
+    return;
+  }
+  if (request.status === 401) showLogin("");
+  endUpload("bad", told || "The connection broke before the whole file was sent; nothing was installed. " +
     "Go nearer, and try again.");
 }
 
