@@ -41,10 +41,10 @@ for file in /run/pid/*; do
     for p in $pid $(cat /proc/$pid/task/$pid/children 2>/dev/null); do
         read -r name 2>/dev/null </proc/$p/comm || continue
         case $name in sleep|usleep|sh) [ $p = $pid ] || continue;; esac
-        echo process ${file##*/}/$name $(sed -n 's/RssAnon: *\\([0-9]*\\).*/\\1/p' /proc/$p/status) $(ls /proc/$p/fd | wc -l)
+        echo process ${file##*/}/$name $(sed -n 's/RssAnon:[^0-9]*\\([0-9]*\\).*/\\1/p' /proc/$p/status) $(ls /proc/$p/fd | wc -l)
     done
 done
-echo memory $(sed -n 's/^MemAvailable: *\\([0-9]*\\).*/\\1/p' /proc/meminfo)
+echo memory $(sed -n 's/^MemAvailable:[^0-9]*\\([0-9]*\\).*/\\1/p' /proc/meminfo)
 df -k /run /tmp /var | while read -r device _ used _; do [ "$used" = Used ] || echo tmpfs $used; done
 df -k /data | while read -r device _ used _; do [ "$used" = Used ] || echo data $used; done
 """

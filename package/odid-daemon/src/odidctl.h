@@ -64,7 +64,8 @@ int odidctl_maintenance(const struct odidctl_places *places, const char *word);
 
 /*
  * Makes the access point's key of the password and keeps it; empty: removes
- * it (the board then makes one of its own at the next import). Returns 0, -ENOSYS (see maintenance_key) or another -errno.
+ * it (the board then makes one of its own at the next import). Returns 0, -ENOSYS (see
+ * maintenance_key) or another -errno.
  */
 int odidctl_keep_password(const char *data, const char *password);
 
