@@ -81,6 +81,7 @@ struct config {
     /* Only from the file to odidctl, which makes a key of it; whoever doesn't clears it. */
     char maintenance_password[CONFIG_PASSWORD_MAX + 1];
     bool maintenance_at_boot;                        /* false */
+    bool update_prevent_downgrade;                   /* false */
     uint8_t board_antenna, board_usb, board_console; /* codes of config_keys.h; 0 */
     char board_uarts[48];                            /* "uart2 uart3"; empty: none */
     /* flags only */

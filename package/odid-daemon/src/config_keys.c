@@ -54,6 +54,7 @@ const struct config_key config_keys[] = {
     {"wifi", "channel", AT(wifi_channel), &config_rule_channel},
     {"maintenance", "password", AT(maintenance_password), &config_rule_password},
     {"maintenance", "at_boot", AT(maintenance_at_boot), &config_rule_yes_no},
+    {"update", "prevent_downgrade", AT(update_prevent_downgrade), &config_rule_yes_no},
     {"board", "antenna", AT(board_antenna), &config_rule_antenna},
     {"board", "usb", AT(board_usb), &config_rule_usb},
     {"board", "console", AT(board_console), &config_rule_console},

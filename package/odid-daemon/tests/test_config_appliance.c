@@ -12,6 +12,7 @@ static void defaults_of_the_appliance(void **state)
     assert_int_equal(config.wifi_channel, 6);
     assert_string_equal(config.maintenance_password, "");
     assert_false(config.maintenance_at_boot);
+    assert_false(config.update_prevent_downgrade);
     assert_string_equal(config.board_uarts, "");
 }
 
@@ -40,6 +41,7 @@ static void right_values(void **state)
         {"maintenance", "password", "12345678", ""},
         {"maintenance", "password", "\"correct horse battery; staple\"", ""},
         {"maintenance", "password", "", ""},
+        {"update", "prevent_downgrade", "yes", "yes"},
         {"board", "antenna", "External", "external"},
         {"board", "usb", "gadget", "gadget"},
         {"board", "console", "usb", "usb"},
