@@ -312,6 +312,9 @@ void health_judge(struct health *health, const struct health_input *input, int64
 {
     memset(health, 0, sizeof(*health));
     judge_any_channel(health, input);
+    if (input->updating) {
+        FAULT("Wait until it is decided: odidctl update says how it stands.", "update in progress");
+    }
     if (bench_position(input)) {
         FAULT("An invented place is broadcast. Remove [bench] from odid.conf before flying.",
               "bench position in use");

@@ -42,6 +42,7 @@ struct health_input {
     unsigned config_errors;     /* values that could not be used */
     bool filter_logging;        /* the system-call filter only logs */
     bool realtime;              /* real-time priority was granted */
+    bool updating;              /* the appliance's software is being replaced, or on trial */
 };
 
 void health_judge(struct health *health, const struct health_input *input, int64_t now_us);

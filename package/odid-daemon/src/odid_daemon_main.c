@@ -146,6 +146,16 @@ static void send_to_vehicle(void *context, const uint8_t *frame, size_t length)
     }
 }
 
+/* odid-update makes the file for as long as an update goes on. */
+static bool updating(void)
+{
+    char path[CONFIG_PATH_SIZE + 16];
+    struct stat file;
+
+    snprintf(path, sizeof(path), "%s/update", config()->run_dir);
+    return stat(path, &file) == 0;
+}
+
 static void judge(struct health_input *input, struct health *health, struct aircraft_view *view,
                   struct aircraft_condition *condition, int64_t now_us)
 {
@@ -160,6 +170,7 @@ static void judge(struct health_input *input, struct health *health, struct airc
         .config_errors = self.options.errors,
         .filter_logging = self.options.seccomp_log,
         .realtime = self.realtime,
+        .updating = updating(),
     };
     health_judge(health, input, now_us);
 }

@@ -289,6 +289,18 @@ static void about_the_daemon(void **state)
     expect_one(HEALTH_WARNING, "no real-time priority");
 }
 
+static void an_update_keeps_from_arming(void **state)
+{
+    (void)state;
+    fixture.input.updating = true;
+    expect_one(HEALTH_FAULT, "update in progress");
+    assert_true(health.on_air);
+    assert_string_equal(health_reason(&health), "update in progress");
+    fixture.view.operator_id[0] = '\0';
+    judge();
+    assert_string_equal(health_reason(&health), "update in progress");
+}
+
 /* Everything at once: silence first, then who, then where; warnings at the end. */
 static void the_order(void **state)
 {
@@ -329,7 +341,7 @@ int main(void)
         TEST(time_unknown),       TEST(each_state_of_a_channel),
         TEST(what_is_required),   TEST(bluetooth_4_alone),
         TEST(nothing_on_the_air), TEST(about_the_daemon),
-        TEST(the_order),
+        TEST(the_order),          TEST(an_update_keeps_from_arming),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
