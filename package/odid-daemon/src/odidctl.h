@@ -91,6 +91,11 @@ int odidctl_blank_password(const char *path, const char *old, const char *blanke
  */
 int odidctl_show_made_password(const char *data, const char *directory, bool *made);
 
+/* ---- update ---- */
+
+/* Installs the bundle of that file or URL; NULL: how the update stands, and the last result. */
+int odidctl_update(const struct odidctl_places *places, const char *name);
+
 /* ---- import ---- */
 
 int odidctl_import(const struct odidctl_places *places, const char *directory);

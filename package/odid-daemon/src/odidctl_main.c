@@ -23,6 +23,7 @@ static const char usage[] =
     "  odidctl set SECTION.KEY VALUE     changes it, unless it is wrong\n"
     "  odidctl import DIR                takes over DIR/odid.conf and DIR/authorized_keys\n"
     "  odidctl maintenance on|off        opens the access point to the technician, or closes it\n"
+    "  odidctl update [FILE|URL]         installs a bundle; alone: how the update stands\n"
     "  odidctl --version | --help\n"
     "\n"
     "Other places than the usual ones: -run-dir DIR, -flights-dir DIR, -config FILE, -data DIR,\n"
@@ -112,6 +113,11 @@ static int run_maintenance(char *const words[])
     return odidctl_maintenance(&self.places, words[1]);
 }
 
+static int run_update(char *const words[])
+{
+    return odidctl_update(&self.places, words[1]);
+}
+
 #define WORDS_MAX 3
 
 static const struct command {
@@ -128,6 +134,7 @@ static const struct command {
     {"set", 3, 3, "set needs SECTION.KEY and VALUE; quote a value with blanks", run_set},
     {"import", 2, 2, "import needs one DIR", run_import},
     {"maintenance", 2, 2, "maintenance needs \"on\" or \"off\"", run_maintenance},
+    {"update", 1, 2, "update takes at most one FILE or URL", run_update},
 };
 
 /* ---- command line ---- */

@@ -1,0 +1,457 @@
+/*
+ * odid-update: looks after updates. SWUpdate installs; this watches it, keeps
+ * what is known about the update, stops it when the aircraft is armed, judges
+ * the new slot on trial, and restarts the board when that may be.
+ */
+#include <errno.h>
+#include <fcntl.h>
+#include <linux/fs.h>
+#include <signal.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/ioctl.h>
+#include <sys/stat.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "log.h"
+#include "loop.h"
+#include "odidctl.h"
+#include "update.h"
+#include "update_environment.h"
+#include "update_files.h"
+#include "update_installer.h"
+#include "update_judge.h"
+#include "whole_file.h"
+
+#define STATE "/run/odid-appliance"
+#define DATA "/data"
+#define RUN_DIR "/run/odid"
+#define SERVICES "/run/service"
+#define FAULTS "/run/faults"
+#define ENVIRONMENT_CONFIG "/run/fw_env.config"
+#define ENVIRONMENT_DEFAULTS "/etc/u-boot-initial-env"
+/* While it is there, the daemon tells the autopilot not to arm (odid-daemon(8)). */
+#define IN_PROGRESS RUN_DIR "/update"
+/* Why the gate refused (/lib/odid/update-gate). */
+#define REFUSED STATE "/update-refused"
+#define SECOND_US 1000000
+
+static struct {
+    struct update update;
+    struct update_record record;
+    struct update_expectation expectation;
+    struct update_variables variables;
+    char running, other; /* slots */
+    char version[UPDATE_VERSION_SIZE];
+    bool time_known;
+    struct loop_timer tick;
+    struct loop_watch signals;
+} self;
+
+/* ---- small things ---- */
+
+/* The first line of a file, or "". */
+static void read_line(const char *path, char *out, size_t size)
+{
+    size_t length;
+    char *text = whole_file_read(path, 4096, &length);
+
+    snprintf(out, size, "%s", text == NULL ? "" : text);
+    out[strcspn(out, "\r\n")] = '\0';
+    free(text);
+}
+
+static void complain(const char *what, int result)
+{
+    if (result < 0) {
+        log_error("%s: %s", what, strerror(-result));
+    }
+}
+
+/* The word that starts with prefix, on the kernel's command line; its rest. */
+static void kernel_word(const char *prefix, char *out, size_t size)
+{
+    char line[2048], *rest = line, *word;
+
+    out[0] = '\0';
+    read_line("/proc/cmdline", line, sizeof(line));
+    while ((word = strsep(&rest, " ")) != NULL) {
+        if (strncmp(word, prefix, strlen(prefix)) == 0) {
+            snprintf(out, size, "%s", word + strlen(prefix));
+        }
+    }
+}
+
+static void protect(bool read_only)
+{
+    char path[64];
+    int fd, flag = read_only;
+
+    snprintf(path, sizeof(path), "/dev/disk/odid/slot-%c", self.other);
+    fd = open(path, O_RDONLY | O_CLOEXEC);
+    if (fd < 0 || ioctl(fd, BLKROSET, &flag) < 0) {
+        log_error("%s can't be protected: %s", path, strerror(errno));
+    }
+    if (fd >= 0) {
+        close(fd);
+    }
+}
+
+/* ---- what is shown and kept ---- */
+
+static void show(void)
+{
+    complain("the update's state can't be shown", update_write_state(STATE, &self.update));
+    if (self.update.state == UPDATE_IDLE) {
+        unlink(IN_PROGRESS);
+    } else {
+        int fd = open(IN_PROGRESS, O_WRONLY | O_CREAT | O_CLOEXEC, 0644);
+
+        if (fd >= 0) {
+            close(fd);
+        }
+    }
+}
+
+static void keep(enum update_outcome outcome, const char *to, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+
+static void keep(enum update_outcome outcome, const char *to, const char *format, ...)
+{
+    struct update_result result = {.outcome = outcome};
+    bool same = outcome != UPDATE_REFUSED && self.record.from[0] != '\0';
+    va_list arguments;
+
+    snprintf(result.from, sizeof(result.from), "%s", same ? self.record.from : self.version);
+    snprintf(result.to, sizeof(result.to), "%s", to);
+    va_start(arguments, format);
+    vsnprintf(result.sentence, sizeof(result.sentence), format, arguments);
+    va_end(arguments);
+    log_info("update: %s", result.sentence);
+    complain("the update's result can't be kept",
+             update_write_result(DATA, &result, self.time_known ? time(NULL) : 0));
+    complain("the trial's record can't be removed", update_remove_record(DATA));
+    odidctl_set_fault(FAULTS, "update", outcome == UPDATE_BACK ? result.sentence : NULL);
+}
+
+/* ---- how the board is ---- */
+
+static struct json_object *ask(struct update_board *board)
+{
+    int error = 0;
+    struct json_object *status = odidctl_fetch(RUN_DIR, &error);
+    struct json_object *armed =
+        json_object_object_get(json_object_object_get(status, "aircraft"), "armed");
+    struct json_object *known =
+        json_object_object_get(json_object_object_get(status, "time"), "known");
+
+    memset(board, 0, sizeof(*board));
+    self.time_known = self.time_known || json_object_get_boolean(known);
+    /* An autopilot that was lost after arming counts as armed. */
+    board->armed =
+        armed != NULL ? json_object_get_boolean(armed) : access(STATE "/armed", F_OK) == 0;
+    return status;
+}
+
+static void look(struct update_board *board)
+{
+    struct json_object *status = ask(board);
+
+    if (self.update.state == UPDATE_TRIAL) {
+        struct update_services services;
+
+        update_services_read(&services, SERVICES);
+        if (self.expectation.channels == 0) {
+            self.expectation.channels = update_channels_required(status);
+        }
+        update_judge(&self.expectation, status, &services, board);
+    }
+    json_object_put(status);
+}
+
+/* ---- what is done ---- */
+
+/* By its supervisor's control pipe, as sv(8) does: SWUpdate is ended, and started anew. */
+static void stop_installer(void)
+{
+    int fd = open(SERVICES "/swupdate/supervise/control", O_WRONLY | O_NONBLOCK | O_CLOEXEC);
+
+    if (fd < 0 || write(fd, "k", 1) != 1) {
+        log_error("SWUpdate can't be ended: %s", strerror(errno));
+    }
+    if (fd >= 0) {
+        close(fd);
+    }
+}
+
+static void commit(int64_t now_us)
+{
+    struct update_variables variables = {.slot = self.running};
+    int result = update_variables_write(ENVIRONMENT_CONFIG, &variables);
+
+    if (result < 0) { /* tried again in a second */
+        complain("the slot can't be committed", result);
+        return;
+    }
+    self.variables = variables;
+    keep(UPDATE_INSTALLED, self.version, "Version %s is installed.", self.version);
+    update_committed(&self.update, now_us);
+}
+
+static void roll_back(int64_t now_us)
+{
+    struct update_variables variables = {.slot = self.other, .trial_failed = self.running};
+    int result;
+
+    /* The reason first: power may fail now. */
+    keep(UPDATE_BACK, self.version, "Version %s was rolled back: %s", self.version,
+         self.update.sentence);
+    result = update_variables_write(ENVIRONMENT_CONFIG, &variables);
+    if (result < 0) {
+        complain("the slot can't be given up", result);
+        return;
+    }
+    self.variables = variables;
+    update_rolled_back(&self.update, now_us);
+}
+
+static void restart_board(void)
+{
+    log_info("update: the board restarts");
+    sync();
+    kill(1, SIGTERM); /* init's order to restart */
+}
+
+static void act(int64_t now_us)
+{
+    struct update_board board;
+    enum update_state before = self.update.state;
+
+    look(&board);
+    switch (update_tick(&self.update, &board, now_us)) {
+    case UPDATE_STOP:
+        stop_installer();
+        break;
+    case UPDATE_COMMIT:
+        commit(now_us);
+        break;
+    case UPDATE_ROLL_BACK:
+        roll_back(now_us);
+        break;
+    case UPDATE_REBOOT:
+        restart_board();
+        break;
+    default:
+        break;
+    }
+    if (self.update.state != before) {
+        show();
+    }
+}
+
+static void on_tick(void *context, int64_t now_us)
+{
+    (void)context;
+    if (self.update.state != UPDATE_IDLE) {
+        act(now_us);
+    }
+    loop_arm(&self.tick, now_us + SECOND_US);
+}
+
+/* ---- what SWUpdate does ---- */
+
+static void on_begins(int64_t now_us)
+{
+    update_begins(&self.update, now_us);
+    unlink(REFUSED);
+    show();
+}
+
+static void on_version(const char *version)
+{
+    update_version(&self.update, version);
+}
+
+/* The gate is passed, and nothing is written yet that counts. */
+static void begin_record(void)
+{
+    struct update_board board;
+    struct json_object *status = ask(&board);
+
+    memset(&self.record, 0, sizeof(self.record));
+    self.record.slot = self.other;
+    snprintf(self.record.from, sizeof(self.record.from), "%s", self.version);
+    snprintf(self.record.to, sizeof(self.record.to), "%s", self.update.version);
+    self.record.channels = update_channels_on_air(status);
+    update_services_read(&self.record.services, SERVICES);
+    json_object_put(status);
+    complain("what worked before the update can't be kept",
+             update_write_record(DATA, &self.record));
+}
+
+static void on_progress(int percent, int64_t now_us)
+{
+    if (self.update.state == UPDATE_CHECKING) {
+        begin_record();
+    }
+    if (self.update.state != UPDATE_INSTALLING || percent != self.update.percent) {
+        update_progress(&self.update, percent, now_us);
+        show();
+    }
+}
+
+static void refuse(const char *why, const char *to)
+{
+    char sentence[UPDATE_SENTENCE_SIZE], hardware[UPDATE_SENTENCE_SIZE];
+
+    read_line(REFUSED, sentence, sizeof(sentence));
+    if (self.update.stopped) {
+        snprintf(sentence, sizeof(sentence),
+                 "The aircraft was armed while it was written; install it again when disarmed.");
+    } else if (sentence[0] == '\0') {
+        read_line(STATE "/hardware", hardware, sizeof(hardware));
+        update_installer_explain(why, hardware, sentence, sizeof(sentence));
+    }
+    keep(UPDATE_REFUSED, to, "The update was refused: %s", sentence);
+}
+
+static void on_ends(const char *why, int64_t now_us)
+{
+    protect(true);
+    if (why[0] == '\0') {
+        update_installed(&self.update, now_us);
+    } else {
+        log_info("SWUpdate says: %s", why);
+        refuse(why, self.update.version);
+        update_ended(&self.update, now_us);
+    }
+    show();
+}
+
+/* ---- start ---- */
+
+/* U-Boot was to start the new slot, and didn't: it says why. */
+static void explain_fallback(void)
+{
+    char words[128];
+
+    kernel_word("odid.fallback=", words, sizeof(words));
+    for (char *at = words; *at != '\0'; at++) {
+        *at = *at == '-' ? ' ' : *at;
+    }
+    keep(UPDATE_BACK, self.record.to, "Version %s was rolled back: %s.",
+         self.record.to[0] == '\0' ? "(not known)" : self.record.to,
+         strstr(words, "failed its trial") != NULL ? "it didn't come up in three starts"
+         : words[0] != '\0'                        ? words
+                                                   : "it was given up");
+}
+
+/* What the boot loader and an earlier process left behind. */
+static void resume(int64_t now_us)
+{
+    const struct update_variables *variables = &self.variables;
+    bool recorded = update_read_record(DATA, &self.record) == 0;
+    char fallback[128];
+
+    kernel_word("odid.fallback=", fallback, sizeof(fallback));
+    if (variables->upgrade_available && variables->trial == self.running) {
+        self.expectation.channels = self.record.channels;
+        self.expectation.wanted = self.record.services;
+        update_try(&self.update, self.version, now_us);
+    } else if (variables->upgrade_available && fallback[0] == '\0') {
+        update_version(&self.update, self.record.to); /* installed, not restarted yet */
+        update_installed(&self.update, now_us);
+    } else if (variables->upgrade_available || variables->trial_failed != '\0') {
+        struct update_variables settled = {.slot = self.running};
+
+        if (recorded) {
+            explain_fallback();
+        }
+        complain("U-Boot's variables can't be settled",
+                 update_variables_write(ENVIRONMENT_CONFIG, &settled));
+    } else if (recorded && self.record.slot == self.running) {
+        keep(UPDATE_INSTALLED, self.version, "Version %s is installed.", self.version);
+    } else if (recorded) {
+        keep(UPDATE_REFUSED, self.record.to,
+             "The update was broken off, by power or a restart; nothing has changed.");
+    }
+}
+
+static bool find_environment(void)
+{
+    char problem[160] = "", sentence[240];
+    bool repaired = false;
+    int result;
+
+    if (!update_environment_find("/dev/disk/odid/env", "/run/environment", ENVIRONMENT_CONFIG,
+                                 problem, sizeof(problem))) {
+        result = -EIO;
+    } else {
+        result = update_variables_read(ENVIRONMENT_CONFIG, ENVIRONMENT_DEFAULTS, self.running,
+                                       &self.variables, &repaired);
+        snprintf(problem, sizeof(problem), "U-Boot's environment can't be %s",
+                 repaired ? "repaired" : "read");
+    }
+    snprintf(sentence, sizeof(sentence),
+             "Updates are not possible: %s. Write the image to the disk again.", problem);
+    odidctl_set_fault(FAULTS, "environment", result < 0 ? sentence : NULL);
+    if (repaired) {
+        log_warning("U-Boot's environment was damaged, and is made anew");
+    }
+    return result == 0;
+}
+
+static bool start(int64_t now_us)
+{
+    char line[16];
+
+    update_init(&self.update, now_us);
+    read_line(STATE "/slot", line, sizeof(line));
+    if (line[0] != 'a' && line[0] != 'b') {
+        log_error("it isn't known which slot is running");
+        return false;
+    }
+    self.running = line[0];
+    self.other = line[0] == 'a' ? 'b' : 'a';
+    read_line("/etc/odid/version", self.version, sizeof(self.version));
+    if (!find_environment()) {
+        return false;
+    }
+    resume(now_us);
+    show();
+    return true;
+}
+
+static void on_signal(void *context, uint32_t events, int64_t now_us)
+{
+    (void)context;
+    (void)events;
+    (void)now_us;
+    loop_stop();
+}
+
+int main(void)
+{
+    static const struct update_installer_calls calls = {
+        .begins = on_begins, .version = on_version, .progress = on_progress, .ends = on_ends};
+    int result = loop_init();
+
+    setenv("TMPDIR", "/run/swupdate", 0); /* where libswupdate looks for SWUpdate */
+    if (result == 0) {
+        result = loop_watch_signals(&self.signals, 0, on_signal, NULL);
+    }
+    if (result < 0) {
+        log_error("can't begin: %s", strerror(-result));
+        return EXIT_FAILURE;
+    }
+    if (!start(loop_now_us())) {
+        return EXIT_FAILURE;
+    }
+    loop_timer_init(&self.tick, on_tick, NULL);
+    loop_arm(&self.tick, loop_now_us());
+    update_installer_watch(&calls);
+    return loop_run() < 0 ? EXIT_FAILURE : EXIT_SUCCESS;
+}

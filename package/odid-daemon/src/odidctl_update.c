@@ -1,0 +1,237 @@
+/* odidctl update: gives a bundle to SWUpdate and tells what becomes of it; or tells how it stands.
+ */
+#include <errno.h>
+#include <fcntl.h>
+#include <json-c/json_tokener.h>
+#include <network_ipc.h>
+#include <signal.h>
+#include <spawn.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "odidctl.h"
+#include "update_files.h"
+#include "whole_file.h"
+
+#define FILE_MAX 8192
+/* The installer has ended, and its outcome is not said: something is wrong. */
+#define PATIENCE_S 20
+
+extern char **environ;
+
+/* ---- what odid-update says ---- */
+
+static struct json_object *read_json(const char *directory, const char *name)
+{
+    char path[ODIDCTL_PATH_SIZE], *text;
+    struct json_object *object;
+    size_t length;
+
+    snprintf(path, sizeof(path), "%s/%s", directory, name);
+    text = whole_file_read(path, FILE_MAX, &length);
+    object = text == NULL ? NULL : json_tokener_parse(text);
+    free(text);
+    return object;
+}
+
+static const char *text_of(struct json_object *object, const char *name)
+{
+    const char *text = json_object_get_string(json_object_object_get(object, name));
+
+    return text == NULL ? "" : text;
+}
+
+/* Which of the results it is: they are written as new files. */
+static ino_t result_number(const struct odidctl_places *places)
+{
+    char path[ODIDCTL_PATH_SIZE];
+    struct stat file;
+
+    snprintf(path, sizeof(path), "%s/" UPDATE_RESULT_FILE, places->data);
+    return stat(path, &file) < 0 ? 0 : file.st_ino;
+}
+
+static int tell(const struct odidctl_places *places)
+{
+    struct json_object *state = read_json(places->state, UPDATE_STATE_FILE);
+    struct json_object *result = read_json(places->data, UPDATE_RESULT_FILE);
+    const char *time = text_of(result, "time");
+
+    puts(state == NULL ? "Nothing looks after updates here." : text_of(state, "sentence"));
+    if (result != NULL) {
+        printf("The last one%s%s%s: %s\n", time[0] == '\0' ? "" : " (", time,
+               time[0] == '\0' ? "" : ")", text_of(result, "sentence"));
+    }
+    json_object_put(state);
+    json_object_put(result);
+    return state == NULL ? ODIDCTL_NO_ANSWER : ODIDCTL_GOOD;
+}
+
+/* ---- progress ---- */
+
+static void show_progress(struct json_object *state)
+{
+    struct json_object *percent = json_object_object_get(state, "percent");
+    struct json_object *left = json_object_object_get(state, "seconds_left");
+    static int shown = -1;
+
+    if (percent != NULL && json_object_get_int(percent) / 5 != shown) {
+        shown = json_object_get_int(percent) / 5;
+        printf("%3d %%", json_object_get_int(percent));
+        if (left != NULL) {
+            printf(", %d s left", json_object_get_int(left));
+        }
+        puts("");
+        fflush(stdout);
+    }
+}
+
+/* Returns an exit code when it is over, -1 while it isn't. */
+static int look(const struct odidctl_places *places, ino_t before)
+{
+    struct json_object *state = read_json(places->state, UPDATE_STATE_FILE), *result;
+    const char *name = text_of(state, "state");
+    int code = -1;
+
+    show_progress(state);
+    if (strcmp(name, "waiting-for-reboot") == 0) {
+        printf("%s\n\"odidctl update\" then says whether it was kept.\n",
+               text_of(state, "sentence"));
+        code = ODIDCTL_GOOD;
+    } else if (strcmp(name, "idle") == 0 && result_number(places) != before) {
+        result = read_json(places->data, UPDATE_RESULT_FILE);
+        printf("%s\n", text_of(result, "sentence"));
+        json_object_put(result);
+        code = ODIDCTL_NOT_GOOD;
+    }
+    json_object_put(state);
+    return code;
+}
+
+/* ---- the bundle ---- */
+
+struct source {
+    int fd;
+    pid_t fetcher; /* 0: none */
+};
+
+static bool is_url(const char *name)
+{
+    return strncmp(name, "http://", 7) == 0 || strncmp(name, "https://", 8) == 0;
+}
+
+/* By curl, which checks certificates; no shell is in the way. Returns 0 or an errno. */
+static int open_url(const char *url, struct source *source)
+{
+    char *const words[] = {"curl", "-fsSL", "--proto", "=http,https", "--", (char *)url, NULL};
+    posix_spawn_file_actions_t actions;
+    int ends[2], result;
+
+    if (pipe2(ends, O_CLOEXEC) < 0) {
+        return errno;
+    }
+    posix_spawn_file_actions_init(&actions);
+    posix_spawn_file_actions_adddup2(&actions, ends[1], STDOUT_FILENO);
+    result = posix_spawnp(&source->fetcher, words[0], &actions, NULL, words, environ);
+    posix_spawn_file_actions_destroy(&actions);
+    close(ends[1]);
+    source->fd = ends[0];
+    return result;
+}
+
+static bool open_source(const char *name, struct source *source)
+{
+    int error = 0;
+
+    source->fetcher = 0;
+    if (is_url(name)) {
+        error = open_url(name, source);
+    } else {
+        source->fd = open(name, O_RDONLY | O_CLOEXEC);
+        error = source->fd < 0 ? errno : 0;
+    }
+    if (error != 0) {
+        fprintf(stderr, "odidctl: %s can't be opened: %s\n", name, strerror(error));
+    }
+    return error == 0;
+}
+
+/* Returns whether the source was read to its end; it is closed then. */
+static bool close_source(struct source *source)
+{
+    int status = 0;
+
+    close(source->fd);
+    return source->fetcher == 0 ||
+           (waitpid(source->fetcher, &status, 0) == source->fetcher && status == 0);
+}
+
+/*
+ * Hands the source over. An installer that doesn't want any more has refused:
+ * why is told elsewhere.
+ */
+static bool hand_over(struct source *source, int installer, const struct odidctl_places *places)
+{
+    static char piece[65536];
+    ssize_t length;
+
+    while ((length = read(source->fd, piece, sizeof(piece))) > 0) {
+        struct json_object *state = read_json(places->state, UPDATE_STATE_FILE);
+
+        show_progress(state);
+        json_object_put(state);
+        for (ssize_t done = 0, sent; done < length; done += sent) {
+            sent = write(installer, piece + done, (size_t)(length - done));
+            if (sent < 0) {
+                return true;
+            }
+        }
+    }
+    return length == 0;
+}
+
+static int install(const struct odidctl_places *places, const char *name)
+{
+    const struct timespec moment = {.tv_nsec = 200000000};
+    ino_t before = result_number(places);
+    struct source source;
+    int installer, code = -1;
+    bool whole;
+
+    if (!open_source(name, &source)) {
+        return ODIDCTL_NOT_GOOD;
+    }
+    installer = ipc_inst_start();
+    if (installer < 0) {
+        close(source.fd);
+        fputs("odidctl: SWUpdate takes no bundle: another update is being installed, or it isn't "
+              "running.\n",
+              stderr);
+        return ODIDCTL_NO_ANSWER;
+    }
+    signal(SIGPIPE, SIG_IGN);
+    whole = hand_over(&source, installer, places);
+    ipc_end(installer);
+    if (!close_source(&source) || !whole) {
+        fprintf(stderr, "odidctl: %s could not be read to its end\n", name);
+    }
+    for (int i = 0; code < 0 && i < PATIENCE_S * 5; i++) {
+        nanosleep(&moment, NULL);
+        code = look(places, before);
+    }
+    if (code < 0) {
+        fputs("odidctl: nothing looks after updates: what became of it isn't known\n", stderr);
+    }
+    return code < 0 ? ODIDCTL_NO_ANSWER : code;
+}
+
+int odidctl_update(const struct odidctl_places *places, const char *name)
+{
+    setenv("TMPDIR", "/run/swupdate", 0); /* where libswupdate looks for SWUpdate */
+    return name == NULL ? tell(places) : install(places, name);
+}

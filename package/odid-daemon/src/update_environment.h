@@ -1,0 +1,37 @@
+/*
+ * U-Boot's environment: where it is on the disk, and its variables, by
+ * libubootenv. Variables: board/common/boot.cmd.
+ */
+#ifndef ODID_UPDATE_ENVIRONMENT_H
+#define ODID_UPDATE_ENVIRONMENT_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+/*
+ * Writes libubootenv's configuration: where on the volume (a FAT partition)
+ * its two files lie. By places on the disk, rather than as files, one of them
+ * is overwritten in place and nothing else is touched: the other one, the
+ * volume's tables, its directory. Mounts the volume read-only at mount_point
+ * for that. Returns true, or false with a sentence in problem.
+ */
+bool update_environment_find(const char *volume, const char *mount_point, const char *config,
+                             char *problem, size_t problem_size);
+
+struct update_variables {
+    char slot, trial, trial_failed; /* 'a', 'b', or '\0' for none */
+    bool upgrade_available;
+};
+
+/*
+ * Reads the variables. When both files are damaged, U-Boot starts from its
+ * defaults: then they are written anew from `defaults`, with `running` as the
+ * slot, and *repaired is set. Returns 0 or -errno.
+ */
+int update_variables_read(const char *config, const char *defaults, char running,
+                          struct update_variables *variables, bool *repaired);
+
+/* Writes all of them at once, and flushes: all or none. bootcount becomes 0. 0 or -errno. */
+int update_variables_write(const char *config, const struct update_variables *variables);
+
+#endif

@@ -1,0 +1,169 @@
+#include "update_files.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <json-c/json_tokener.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "utf8.h"
+#include "whole_file.h"
+
+#define PATH_SIZE 300
+#define RECORD_MAX 8192
+
+static void add(struct json_object *object, const char *name, struct json_object *value)
+{
+    json_object_object_add(object, name, value);
+}
+
+/* Versions and sentences may quote a bundle. null when there is none. */
+static struct json_object *text(const char *value)
+{
+    char clean[UPDATE_SENTENCE_SIZE];
+
+    utf8_clean(clean, sizeof(clean), value);
+    return clean[0] == '\0' ? NULL : json_object_new_string(clean);
+}
+
+static struct json_object *number(int value)
+{
+    return value < 0 ? NULL : json_object_new_int(value);
+}
+
+/* Puts the object back. */
+static int replace(const char *directory, const char *name, struct json_object *object)
+{
+    char path[PATH_SIZE], line[RECORD_MAX];
+    int length;
+
+    snprintf(path, sizeof(path), "%s/%s", directory, name);
+    length = snprintf(line, sizeof(line), "%s\n", json_object_to_json_string(object));
+    json_object_put(object);
+    return length < (int)sizeof(line) ? whole_file_replace(path, line, (size_t)length, 0644)
+                                      : -EMSGSIZE;
+}
+
+int update_write_state(const char *directory, const struct update *update)
+{
+    struct json_object *object = json_object_new_object();
+
+    add(object, "state", text(update_state_name(update->state)));
+    add(object, "percent", number(update->percent));
+    add(object, "seconds_left", number(update->seconds_left));
+    add(object, "sentence", text(update->sentence));
+    return replace(directory, UPDATE_STATE_FILE, object);
+}
+
+int update_write_result(const char *data, const struct update_result *result, time_t time)
+{
+    static const char *const outcomes[] = {[UPDATE_INSTALLED] = "installed",
+                                           [UPDATE_REFUSED] = "refused",
+                                           [UPDATE_BACK] = "rolled-back"};
+    struct json_object *object = json_object_new_object();
+    char when[32] = "";
+    struct tm utc;
+
+    if (time != 0 && gmtime_r(&time, &utc) != NULL) {
+        strftime(when, sizeof(when), "%Y-%m-%dT%H:%M:%SZ", &utc);
+    }
+    add(object, "time", text(when));
+    add(object, "from", text(result->from));
+    add(object, "to", text(result->to));
+    add(object, "outcome", text(outcomes[result->outcome]));
+    add(object, "sentence", text(result->sentence));
+    return replace(data, UPDATE_RESULT_FILE, object);
+}
+
+/* ---- record ---- */
+
+int update_write_record(const char *data, const struct update_record *record)
+{
+    struct json_object *object = json_object_new_object(), *services = json_object_new_array();
+    char slot[2] = {record->slot, '\0'};
+
+    add(object, "slot", text(slot));
+    add(object, "from", text(record->from));
+    add(object, "to", text(record->to));
+    add(object, "channels", number((int)record->channels));
+    for (unsigned i = 0; i < record->services.count; i++) {
+        if (record->services.service[i].pid != 0) {
+            json_object_array_add(services, text(record->services.service[i].name));
+        }
+    }
+    add(object, "services", services);
+    return replace(data, UPDATE_RECORD_FILE, object);
+}
+
+static void take_text(struct json_object *object, const char *name, char *out, size_t size)
+{
+    const char *value = json_object_get_string(json_object_object_get(object, name));
+
+    snprintf(out, size, "%s", value == NULL ? "" : value);
+}
+
+static void take_services(struct json_object *array, struct update_services *services)
+{
+    size_t count =
+        json_object_is_type(array, json_type_array) ? json_object_array_length(array) : 0;
+
+    for (size_t i = 0; i < count && services->count < UPDATE_SERVICES_MAX; i++) {
+        const char *name = json_object_get_string(json_object_array_get_idx(array, i));
+
+        if (name != NULL) {
+            struct update_service *service = &services->service[services->count++];
+
+            snprintf(service->name, sizeof(service->name), "%s", name);
+            service->pid = -1; /* ran */
+        }
+    }
+}
+
+int update_read_record(const char *data, struct update_record *record)
+{
+    char path[PATH_SIZE], slot[2], *content;
+    struct json_object *object;
+    size_t length;
+
+    memset(record, 0, sizeof(*record));
+    snprintf(path, sizeof(path), "%s/%s", data, UPDATE_RECORD_FILE);
+    content = whole_file_read(path, RECORD_MAX, &length);
+    if (content == NULL) {
+        return -errno;
+    }
+    object = json_tokener_parse(content);
+    free(content);
+    take_text(object, "slot", slot, sizeof(slot));
+    if (slot[0] != 'a' && slot[0] != 'b') {
+        json_object_put(object);
+        return -EBADMSG;
+    }
+    record->slot = slot[0];
+    take_text(object, "from", record->from, sizeof(record->from));
+    take_text(object, "to", record->to, sizeof(record->to));
+    record->channels = (unsigned)json_object_get_int(json_object_object_get(object, "channels"));
+    take_services(json_object_object_get(object, "services"), &record->services);
+    json_object_put(object);
+    return 0;
+}
+
+int update_remove_record(const char *data)
+{
+    char path[PATH_SIZE];
+    int fd, result;
+
+    snprintf(path, sizeof(path), "%s/%s", data, UPDATE_RECORD_FILE);
+    if (unlink(path) < 0) {
+        return errno == ENOENT ? 0 : -errno;
+    }
+    *strrchr(path, '/') = '\0';
+    fd = open(path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    result = fd < 0 || fsync(fd) < 0 ? -errno : 0;
+    if (fd >= 0) {
+        close(fd);
+    }
+    return result;
+}

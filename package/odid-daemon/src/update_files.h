@@ -1,0 +1,46 @@
+/*
+ * What is kept about updates, as JSON: the state of the moment (shown by the
+ * page and odidctl), the last result, and what a trial has to know of the slot
+ * that it replaces. docs/updates.md has the fields.
+ */
+#ifndef ODID_UPDATE_FILES_H
+#define ODID_UPDATE_FILES_H
+
+#include <sys/types.h>
+
+#include "update_judge.h"
+
+#define UPDATE_STATE_FILE "update.json"       /* in /run/odid-appliance */
+#define UPDATE_RESULT_FILE "odid/update.json" /* in /data */
+#define UPDATE_RECORD_FILE "odid/trial.json"  /* in /data */
+
+enum update_outcome { UPDATE_INSTALLED, UPDATE_REFUSED, UPDATE_BACK };
+
+struct update_result {
+    enum update_outcome outcome;
+    char from[UPDATE_VERSION_SIZE], to[UPDATE_VERSION_SIZE]; /* to empty: not known */
+    char sentence[UPDATE_SENTENCE_SIZE];
+};
+
+/* Written when an install begins, removed when its outcome is kept. */
+struct update_record {
+    char slot; /* 'a' or 'b': the new one */
+    char from[UPDATE_VERSION_SIZE], to[UPDATE_VERSION_SIZE];
+    unsigned channels;               /* that were on the air, 1 << channel */
+    struct update_services services; /* that ran */
+};
+
+/* Each returns 0, or -errno; what fails is for the caller to say. */
+int update_write_state(const char *directory, const struct update *update);
+
+/* time: when the clock is known to be right, or 0. */
+int update_write_result(const char *data, const struct update_result *result, time_t time);
+
+int update_write_record(const char *data, const struct update_record *record);
+
+/* -ENOENT: none; -EBADMSG: it can't be understood. */
+int update_read_record(const char *data, struct update_record *record);
+
+int update_remove_record(const char *data);
+
+#endif

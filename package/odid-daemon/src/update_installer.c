@@ -1,0 +1,194 @@
+#include "update_installer.h"
+
+#include <json-c/json_tokener.h>
+#include <json-c/linkhash.h>
+#include <network_ipc.h>
+#include <progress_ipc.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/epoll.h>
+#include <unistd.h>
+
+#include "loop.h"
+#include "update.h"
+
+#define AGAIN_US 1000000
+
+static struct {
+    const struct update_installer_calls *calls;
+    struct loop_timer again;
+    struct loop_watch notices, progress;
+    bool running, succeeded;
+    char complaint[UPDATE_SENTENCE_SIZE];
+} self = {.notices = {.fd = -1}, .progress = {.fd = -1}};
+
+/* ---- what is wrong, for people ---- */
+
+void update_installer_explain(const char *complaint, const char *hardware, char *out,
+                              unsigned long size)
+{
+    static const struct {
+        const char *part, *sentence;
+    } known[] = {
+        {"ignature", "It isn't signed by a key that this aircraft trusts, or was altered."},
+        {"signer", "It isn't signed by a key that this aircraft trusts, or was altered."},
+        {"not compatible with hardware", "It is for other hardware than this board, %s."},
+        {"HASH mismatch", "It is damaged: what was written isn't what its maker signed."},
+        {"hash", "It is damaged: what was written isn't what its maker signed."},
+        {"CPIO", "It is no whole bundle: cut short, or another kind of file."},
+        {"Compatible SW not found", "It is no bundle for this appliance, or was altered."},
+        {"treaming", "It is cut short or damaged."},
+        {"missing...aborting", "It is cut short: there is no slot in it."},
+    };
+
+    for (unsigned i = 0; i < sizeof(known) / sizeof(known[0]); i++) {
+        if (strstr(complaint, known[i].part) != NULL) {
+            const char *gap = strstr(known[i].sentence, "%s");
+
+            snprintf(out, size, "%.*s%s%s",
+                     gap == NULL ? (int)strlen(known[i].sentence) : (int)(gap - known[i].sentence),
+                     known[i].sentence, gap == NULL ? "" : hardware, gap == NULL ? "" : gap + 2);
+            return;
+        }
+    }
+    snprintf(out, size, "The installer says: %s", complaint[0] == '\0' ? "nothing" : complaint);
+}
+
+/* ---- what it says ---- */
+
+static void end(int64_t now_us)
+{
+    self.running = false;
+    self.calls->ends(self.succeeded ? "" : self.complaint, now_us);
+}
+
+static void take_notice(const ipc_message *message, int64_t now_us)
+{
+    switch (message->data.notify.status) {
+    case START:
+        self.running = true;
+        self.succeeded = false;
+        self.complaint[0] = '\0';
+        self.calls->begins(now_us);
+        break;
+    case SUCCESS:
+        self.succeeded = true;
+        break;
+    case FAILURE:
+        self.succeeded = false;
+        if (self.complaint[0] == '\0') {
+            snprintf(self.complaint, sizeof(self.complaint), "%.*s",
+                     (int)sizeof(self.complaint) - 1, message->data.notify.msg);
+        }
+        break;
+    case IDLE:
+        if (self.running) {
+            end(now_us);
+        }
+        break;
+    default:
+        break;
+    }
+}
+
+static void lose(int64_t now_us)
+{
+    struct loop_watch *const watches[] = {&self.notices, &self.progress};
+
+    for (unsigned i = 0; i < 2; i++) {
+        int fd = watches[i]->fd;
+
+        if (fd >= 0) {
+            loop_unwatch(watches[i]);
+            close(fd);
+        }
+    }
+    if (self.running) {
+        self.succeeded = false;
+        snprintf(self.complaint, sizeof(self.complaint), "SWUpdate ended");
+        end(now_us);
+    }
+    loop_arm(&self.again, now_us + AGAIN_US);
+}
+
+static void on_notice(void *context, uint32_t events, int64_t now_us)
+{
+    static ipc_message message;
+
+    (void)context;
+    (void)events;
+    /* One a call, in one piece: SWUpdate sends them so. */
+    if (read(self.notices.fd, &message, sizeof(message)) == (ssize_t)sizeof(message)) {
+        take_notice(&message, now_us);
+    } else {
+        lose(now_us);
+    }
+}
+
+/* {"0": {"VERSION" : "1.2.3"}} */
+static void take_information(const char *text)
+{
+    struct json_object *object = json_tokener_parse(text);
+
+    if (json_object_is_type(object, json_type_object)) {
+        json_object_object_foreach(object, cause, inner)
+        {
+            const char *version = json_object_get_string(json_object_object_get(inner, "VERSION"));
+
+            (void)cause;
+            if (version != NULL) {
+                self.calls->version(version);
+            }
+        }
+    }
+    json_object_put(object);
+}
+
+static void on_progress(void *context, uint32_t events, int64_t now_us)
+{
+    static struct progress_msg message;
+
+    (void)context;
+    (void)events;
+    if (read(self.progress.fd, &message, sizeof(message)) != (ssize_t)sizeof(message)) {
+        lose(now_us);
+        return;
+    }
+    if (message.infolen > 0) {
+        message.info[sizeof(message.info) - 1] = '\0';
+        take_information(message.info);
+    }
+    if (self.running && message.cur_step > 0 &&
+        (message.status == RUN || message.status == PROGRESS)) {
+        self.calls->progress((int)message.cur_percent, now_us);
+    }
+}
+
+/* ---- connecting ---- */
+
+static void connect_now(void *context, int64_t now_us)
+{
+    int notices = -1, progress = -1;
+
+    (void)context;
+    if (access(get_ctrl_socket(), F_OK) == 0 && access(get_prog_socket(), F_OK) == 0) {
+        progress = progress_ipc_connect(false);
+        notices = progress < 0 ? -1 : ipc_notify_connect();
+    }
+    if (notices < 0) {
+        if (progress >= 0) {
+            close(progress);
+        }
+        loop_arm(&self.again, now_us + AGAIN_US);
+        return;
+    }
+    loop_watch(&self.progress, progress, EPOLLIN, on_progress, NULL);
+    loop_watch(&self.notices, notices, EPOLLIN, on_notice, NULL);
+}
+
+void update_installer_watch(const struct update_installer_calls *calls)
+{
+    self.calls = calls;
+    loop_timer_init(&self.again, connect_now, NULL);
+    loop_arm(&self.again, loop_now_us());
+}

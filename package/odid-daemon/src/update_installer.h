@@ -1,0 +1,27 @@
+/*
+ * What SWUpdate says it does: its two sockets, by libswupdate. The sockets are
+ * where $TMPDIR says. One SWUpdate, one process: there is one installer.
+ */
+#ifndef ODID_UPDATE_INSTALLER_H
+#define ODID_UPDATE_INSTALLER_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+struct update_installer_calls {
+    void (*begins)(int64_t now_us);
+    void (*version)(const char *version);
+    void (*progress)(int percent, int64_t now_us);
+    /* why: what went wrong, a sentence; empty when it is installed. */
+    void (*ends)(const char *why, int64_t now_us);
+};
+
+/* Within loop.h's loop; connects by itself, again and again. */
+void update_installer_watch(const struct update_installer_calls *calls);
+
+/* What SWUpdate's complaints (the first one counts) mean to a technician. hardware: this board's.
+ */
+void update_installer_explain(const char *complaint, const char *hardware, char *out,
+                              unsigned long size);
+
+#endif

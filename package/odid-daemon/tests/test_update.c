@@ -1,0 +1,224 @@
+/* The course of an update, second by second. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <stdio.h>
+#include <string.h>
+
+#include "update.h"
+
+#define SECOND_US INT64_C(1000000)
+
+static const struct update_board well = {.well = true};
+static const struct update_board armed = {.armed = true, .well = true};
+static const struct update_board ill = {.complaint = "Bluetooth 4 isn't on the air."};
+
+static struct update update;
+static int64_t now_us;
+
+static int begin(void **state)
+{
+    (void)state;
+    now_us = 100 * SECOND_US;
+    update_init(&update, now_us);
+    return 0;
+}
+
+/* Ticks each second for at most so long; the first wish, and how long it took in *after_s. */
+static enum update_wish ticks(const struct update_board *board, int seconds, int *after_s)
+{
+    for (int i = 1; i <= seconds; i++) {
+        enum update_wish wish;
+
+        now_us += SECOND_US;
+        wish = update_tick(&update, board, now_us);
+        if (wish != UPDATE_NOTHING) {
+            *after_s = i;
+            return wish;
+        }
+    }
+    *after_s = seconds;
+    return UPDATE_NOTHING;
+}
+
+static void written(void)
+{
+    update_begins(&update, now_us);
+    update_version(&update, "1.2.0");
+    update_progress(&update, 0, now_us);
+}
+
+/* ---- install ---- */
+
+static void nothing_is_done_without_an_update(void **state)
+{
+    int after_s;
+
+    (void)state;
+    assert_string_equal(update_state_name(update.state), "idle");
+    assert_int_equal(ticks(&armed, 100, &after_s), UPDATE_NOTHING);
+    assert_int_equal(ticks(&ill, 100, &after_s), UPDATE_NOTHING);
+}
+
+static void percent_and_what_is_left(void **state)
+{
+    (void)state;
+    update_begins(&update, now_us);
+    assert_string_equal(update_state_name(update.state), "checking");
+    assert_int_equal(update.percent, -1);
+    update_version(&update, "1.2.0");
+    update_progress(&update, 0, now_us);
+    assert_string_equal(update_state_name(update.state), "installing");
+    assert_string_equal(update.sentence, "Version 1.2.0 is being written.");
+    assert_int_equal(update.percent, 0);
+    assert_int_equal(update.seconds_left, -1);
+    update_progress(&update, 25, now_us + 5 * SECOND_US);
+    assert_int_equal(update.percent, 25);
+    assert_int_equal(update.seconds_left, 15);
+    update_progress(&update, 100, now_us + 20 * SECOND_US);
+    assert_int_equal(update.seconds_left, 0);
+}
+
+static void arming_stops_the_installer_once(void **state)
+{
+    int after_s;
+
+    (void)state;
+    written();
+    assert_int_equal(ticks(&well, 30, &after_s), UPDATE_NOTHING);
+    assert_int_equal(ticks(&armed, 30, &after_s), UPDATE_STOP);
+    assert_int_equal(after_s, 1);
+    assert_true(update.stopped);
+    assert_int_equal(ticks(&armed, 30, &after_s), UPDATE_NOTHING);
+    update_ended(&update, now_us);
+    assert_int_equal(update.state, UPDATE_IDLE);
+    update_begins(&update, now_us);
+    assert_false(update.stopped);
+}
+
+static void arming_stops_it_while_it_is_checked(void **state)
+{
+    int after_s;
+
+    (void)state;
+    update_begins(&update, now_us);
+    assert_int_equal(ticks(&armed, 30, &after_s), UPDATE_STOP);
+}
+
+static void the_restart_waits_until_disarmed(void **state)
+{
+    int after_s;
+
+    (void)state;
+    written();
+    update_installed(&update, now_us);
+    assert_string_equal(update_state_name(update.state), "waiting-for-reboot");
+    assert_int_equal(ticks(&armed, 3600, &after_s), UPDATE_NOTHING);
+    assert_int_equal(ticks(&well, 4, &after_s), UPDATE_NOTHING);
+    assert_int_equal(ticks(&armed, 1, &after_s), UPDATE_NOTHING);
+    assert_int_equal(ticks(&well, 30, &after_s), UPDATE_REBOOT);
+    assert_int_equal(after_s, 5);
+}
+
+/* ---- trial ---- */
+
+static void a_slot_that_is_well_is_kept_after_20_s(void **state)
+{
+    int after_s;
+
+    (void)state;
+    update_try(&update, "1.2.0", now_us);
+    assert_string_equal(update_state_name(update.state), "trial");
+    assert_int_equal(ticks(&well, 100, &after_s), UPDATE_COMMIT);
+    assert_int_equal(after_s, 20);
+    update_committed(&update, now_us);
+    assert_int_equal(update.state, UPDATE_IDLE);
+}
+
+static void twenty_seconds_in_one_piece(void **state)
+{
+    int after_s;
+
+    (void)state;
+    update_try(&update, "1.2.0", now_us);
+    assert_int_equal(ticks(&well, 19, &after_s), UPDATE_NOTHING);
+    assert_int_equal(ticks(&ill, 1, &after_s), UPDATE_NOTHING);
+    assert_int_equal(ticks(&well, 100, &after_s), UPDATE_COMMIT);
+    assert_int_equal(after_s, 20);
+}
+
+static void one_that_is_not_well_is_given_up_after_a_minute(void **state)
+{
+    int after_s;
+
+    (void)state;
+    update_try(&update, "1.2.0", now_us);
+    assert_int_equal(ticks(&ill, 100, &after_s), UPDATE_ROLL_BACK);
+    assert_int_equal(after_s, 60);
+    assert_string_equal(update.sentence, ill.complaint);
+    update_rolled_back(&update, now_us);
+    assert_int_equal(update.state, UPDATE_WAITING);
+    assert_int_equal(ticks(&armed, 100, &after_s), UPDATE_NOTHING);
+    assert_int_equal(ticks(&ill, 100, &after_s), UPDATE_REBOOT);
+    assert_int_equal(after_s, 5);
+}
+
+static void the_trial_stands_still_while_armed(void **state)
+{
+    const struct update_board armed_and_ill = {.armed = true, .complaint = "x"};
+    int after_s;
+
+    (void)state;
+    update_try(&update, "1.2.0", now_us);
+    assert_int_equal(ticks(&well, 15, &after_s), UPDATE_NOTHING);
+    assert_int_equal(ticks(&armed, 3600, &after_s), UPDATE_NOTHING);
+    assert_int_equal(ticks(&well, 100, &after_s), UPDATE_COMMIT);
+    assert_int_equal(after_s, 5);
+
+    update_try(&update, "1.2.0", now_us);
+    assert_int_equal(ticks(&ill, 55, &after_s), UPDATE_NOTHING);
+    assert_int_equal(ticks(&armed_and_ill, 3600, &after_s), UPDATE_NOTHING);
+    assert_int_equal(ticks(&ill, 100, &after_s), UPDATE_ROLL_BACK);
+    assert_int_equal(after_s, 5);
+}
+
+static void a_board_that_stood_still_was_not_well_meanwhile(void **state)
+{
+    (void)state;
+    update_try(&update, "1.2.0", now_us);
+    assert_int_equal(update_tick(&update, &well, now_us + 30 * SECOND_US), UPDATE_NOTHING);
+}
+
+static void a_failed_commit_is_tried_again(void **state)
+{
+    int after_s;
+
+    (void)state;
+    update_try(&update, "1.2.0", now_us);
+    assert_int_equal(ticks(&well, 100, &after_s), UPDATE_COMMIT);
+    assert_int_equal(ticks(&well, 100, &after_s), UPDATE_COMMIT);
+    assert_int_equal(after_s, 1);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup(nothing_is_done_without_an_update, begin),
+        cmocka_unit_test_setup(percent_and_what_is_left, begin),
+        cmocka_unit_test_setup(arming_stops_the_installer_once, begin),
+        cmocka_unit_test_setup(arming_stops_it_while_it_is_checked, begin),
+        cmocka_unit_test_setup(the_restart_waits_until_disarmed, begin),
+        cmocka_unit_test_setup(a_slot_that_is_well_is_kept_after_20_s, begin),
+        cmocka_unit_test_setup(twenty_seconds_in_one_piece, begin),
+        cmocka_unit_test_setup(one_that_is_not_well_is_given_up_after_a_minute, begin),
+        cmocka_unit_test_setup(the_trial_stands_still_while_armed, begin),
+        cmocka_unit_test_setup(a_board_that_stood_still_was_not_well_meanwhile, begin),
+        cmocka_unit_test_setup(a_failed_commit_is_tried_again, begin),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
