@@ -23,7 +23,7 @@ endif
 
 # What the demo, the bench and the tests take from the command line. Handed over by env(1), not by
 # `export`: a shell that is bash counts SECONDS up.
-OPTIONS = $(foreach name,FLIGHT SECONDS TEST_DATA LOSS IMAGE,$(if $($(name)),$(name)='$($(name))'))
+OPTIONS = $(foreach name,FLIGHT SECONDS TEST_DATA LOSS IMAGE KEYS,$(if $($(name)),$(name)='$($(name))'))
 RUN = env $(OPTIONS) PYTHONPATH=tests PYTHONPYCACHEPREFIX=build/pycache \
 	build/venv/bin/python3
 
@@ -54,6 +54,7 @@ help:
 	@echo 'make source     fetches all that building it needs, to build without a network'
 	@echo 'make legal      licences and sources as they have to be passed on with an image'
 	@echo 'make reproducible  builds the image twice and compares every file'
+	@echo 'make bundle     a signed update of that disk'\''s system: build/bundle'
 	@echo 'make check      formatting, shell scripts, man pages, Python'
 	@echo 'make format     formats the C sources'
 	@echo 'make setup      only installs and fetches what the others need'
@@ -66,6 +67,7 @@ help:
 	@echo 'LOSS=<model>    receptions that the listener drops, for the edge of range'
 	@echo 'BOARD=qemu      the release image for QEMU instead of the CM4; DL_DIR=<dir> keeps its sources,'
 	@echo '                BUILDROOT_DIR=<dir> IMAGE_CONFIG=<file> IMAGE_OUT=<dir>: board/common/image.mk'
+	@echo 'KEYS=<dir>      whose key signs bundles, and whose keys images trust (default: build/keys)'
 	@echo 'OPENDRONEID_DIR=<dir>  MAVLINK_DIR=<dir>  sources of your own instead of fetched ones'
 
 # --- Set-up -----------------------------------------------------------------
@@ -115,6 +117,22 @@ endif
 
 # make image, source, legal, reproducible
 include board/common/image.mk
+
+# --- Bundles: updates to install ----------------------------------------------
+
+# Who may sign them: a folder made by make-keys.sh, or a fleet's own (docs/keys.md).
+KEYS ?= build/keys
+
+# Of the slot that the bench boots.
+.PHONY: bundle keys
+keys:
+	@board/common/make-keys.sh '$(KEYS)'
+
+bundle: appliance
+	@mkdir -p build/bundle
+	@board/common/make-bundle.sh build/appliance/slot.img qemu '$(IMAGE_VERSION)' '$(KEYS)' \
+		build/bundle/odid-qemu-$(IMAGE_VERSION).swu
+	@echo 'build/bundle/odid-qemu-$(IMAGE_VERSION).swu'
 
 # --- Showing and measuring --------------------------------------------------
 
