@@ -63,7 +63,7 @@ class Boot:
 
 def nothing(machine):
     at = time.monotonic()
-    time.sleep(12)
+    time.sleep(8)
     return Injected(at)
 
 
@@ -192,14 +192,14 @@ def everything(machine):
         chance.shuffle(pids)
         killed += len(pids)
         machine.must(f"kill -KILL {' '.join(map(str, pids))} 2>/dev/null; true")
-        time.sleep(8)
+        time.sleep(7)
     return Injected(at, problems=[] if killed > 100 else [f"only {killed} processes were found to be killed"])
 
 
 def load(machine):
     at = time.monotonic()
-    machine.must(f"(setsid {TOOL} hog 1000 20 </dev/null >/dev/null 2>&1 &)")
-    time.sleep(23)
+    machine.must(f"(setsid {TOOL} hog 1000 12 </dev/null >/dev/null 2>&1 &)")
+    time.sleep(14)
     kills = machine.must("dmesg | grep -c 'Out of memory'; true").strip()
     return Injected(at, problems=[] if int(kills) else ["memory did not run out"])
 
@@ -216,7 +216,7 @@ def data_full(machine):
     at = time.monotonic()
     result = machine.run("dd if=/dev/zero of=/data/filler bs=64k", 60)
     problems = [] if "No space" in result.output else [f"/data did not get full: {result.output}"]
-    time.sleep(12)
+    time.sleep(8)
     machine.must("rm /data/filler")
     return Injected(at, problems=problems)
 
@@ -224,7 +224,7 @@ def data_full(machine):
 def data_read_only(machine):
     at = time.monotonic()
     machine.must("mount -o remount,ro /data")
-    time.sleep(12)
+    time.sleep(8)
     machine.must("mount -o remount,rw /data")
     return Injected(at)
 

@@ -109,7 +109,19 @@ class Appliance:
         if self.process.poll() is None:
             self.process.terminate()
             self.process.wait(5)
+            self.wait_closed()
         self.log.close()
+
+    def wait_closed(self):
+        """Its serving half is ended by the kernel after the other one, and listens until then."""
+        deadline = time.monotonic() + 5
+        while time.monotonic() < deadline:
+            try:
+                socket.create_connection(("127.0.0.1", self.port), 1).close()
+            except OSError:
+                return
+            time.sleep(0.02)
+        raise RuntimeError("odid-web still listens after its end")
 
     def end(self):
         self.stop()

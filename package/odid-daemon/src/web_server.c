@@ -525,7 +525,8 @@ static void on_over(void *closure, struct MHD_Connection *connection, void **con
 
 /* ---- the loop ---- */
 
-static void on_log(void *closure, const char *format, va_list arguments)
+__attribute__((format(printf, 2, 0))) static void on_log(void *closure, const char *format,
+                                                         va_list arguments)
 {
     char line[256];
 
