@@ -194,9 +194,10 @@ const struct config_rule config_rule_yes_no = {
 const struct config_rule config_rule_antenna = NAME_RULE(config_antennas, "internal or external");
 const struct config_rule config_rule_usb = NAME_RULE(config_usb_roles, "host or gadget");
 const struct config_rule config_rule_console =
-    NAME_RULE(config_consoles, "off, usb or uart0 to uart5");
+    NAME_RULE(config_consoles, "off, usb or uart1 to uart5");
 
-#define UARTS 6
+#define UART_FIRST 1 /* 0 is the Bluetooth chip's */
+#define UART_LAST 5
 
 /* The numbers named in a list such as "uart2, uart3", a bit each; -1: something else stands there.
  */
@@ -206,8 +207,8 @@ static int uart_bits(const char *text)
     int bits = 0;
 
     for (text += strspn(text, between); *text != '\0'; text += strspn(text, between)) {
-        if (strncasecmp(text, "uart", 4) != 0 || text[4] < '0' || text[4] >= '0' + UARTS ||
-            (text[5] != '\0' && strchr(between, text[5]) == NULL)) {
+        if (strncasecmp(text, "uart", 4) != 0 || text[4] < '0' + UART_FIRST ||
+            text[4] > '0' + UART_LAST || (text[5] != '\0' && strchr(between, text[5]) == NULL)) {
             return -1;
         }
         bits |= 1 << (text[4] - '0');
@@ -227,7 +228,7 @@ static bool take_uarts(const struct config_rule *rule, void *field, struct confi
         return false;
     }
     memset(out, 0, rule->size);
-    for (int i = 0; i < UARTS; i++) {
+    for (int i = UART_FIRST; i <= UART_LAST; i++) {
         if ((bits & 1 << i) != 0) {
             filled += (size_t)snprintf(out + filled, rule->size - filled, "%suart%d",
                                        filled == 0 ? "" : " ", i);
@@ -239,5 +240,5 @@ static bool take_uarts(const struct config_rule *rule, void *field, struct confi
 const struct config_rule config_rule_uarts = {
     .take = take_uarts,
     .show = config_text_show,
-    .expected = "a list of uart0 to uart5, such as uart3 uart5, or \"\"",
+    .expected = "a list of uart1 to uart5, such as uart3 uart5, or \"\"",
     .size = sizeof(((struct config *)0)->board_uarts)};

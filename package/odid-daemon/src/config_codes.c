@@ -56,9 +56,10 @@ const struct config_code config_antennas[] = {{"internal", 0}, {"external", 1}, 
 
 const struct config_code config_usb_roles[] = {{"host", 0}, {"gadget", 1}, {NULL, 0}};
 
-const struct config_code config_consoles[] = {{"off", 0},   {"usb", 1},   {"uart0", 2},
-                                              {"uart1", 3}, {"uart2", 4}, {"uart3", 5},
-                                              {"uart4", 6}, {"uart5", 7}, {NULL, 0}};
+/* uart0 is the Bluetooth chip's. */
+const struct config_code config_consoles[] = {{"off", 0},   {"usb", 1},   {"uart1", 2},
+                                              {"uart2", 3}, {"uart3", 4}, {"uart4", 5},
+                                              {"uart5", 6}, {NULL, 0}};
 
 const char *config_code_name(const struct config_code *table, int code)
 {

@@ -159,7 +159,7 @@ static void judge_bench(const struct config *config, struct config_source *sourc
     }
 }
 
-/* The number in "uart3" or, of the same port, in "/dev/ttyAMA3"; -1: it is none. */
+/* The number in "uart3", or in "/dev/ttyAMA3"; -1: there is none. */
 static int uart_number(const char *name, const char *prefix)
 {
     size_t length = strlen(prefix);
@@ -170,22 +170,42 @@ static int uart_number(const char *name, const char *prefix)
                : -1;
 }
 
+/* Of a port on the pin header: uart1 is /dev/ttyS1, uart2 /dev/ttyAMA2 and so on; -1: it is none.
+ */
+static int header_uart(const char *device)
+{
+    int number = uart_number(device, "/dev/ttyAMA");
+
+    return number >= 2 ? number : strcmp(device, "/dev/ttyS1") == 0 ? 1 : -1;
+}
+
 static void judge_appliance(const struct config *config, struct config_source *source)
 {
     const char *console = config_code_name(config_consoles, config->board_console);
     const char *device = config->autopilot_device;
     int uart = uart_number(console, "uart");
+    char name[16];
 
     if ((config->bt4_enabled || config->bt5_enabled) &&
         (uses_device(config->bt_adapter, device) || uses_device(config->bt5_adapter, device))) {
         config_say(source, CONFIG_WARNING, "[autopilot] device and a Bluetooth adapter are both %s",
                    device);
     }
-    if (uart >= 0 && uart == uart_number(device, "/dev/ttyAMA")) {
+    if (uart >= 0 && uart == header_uart(device)) {
         config_say(source, CONFIG_WARNING,
                    "[board] console = %s is the autopilot's port, [autopilot] device = %s: no "
                    "telemetry comes through",
                    console, device);
+    }
+    if (strcmp(console, "usb") == 0 &&
+        strcmp(config_code_name(config_usb_roles, config->board_usb), "gadget") != 0) {
+        config_say(source, CONFIG_WARNING, "[board] console = usb needs usb = gadget");
+    }
+    snprintf(name, sizeof(name), "uart%d", header_uart(device));
+    if (header_uart(device) >= 0 && strstr(config->board_uarts, name) == NULL) {
+        config_say(source, CONFIG_WARNING,
+                   "[autopilot] device = %s is a port that is off: [board] uarts doesn't name %s",
+                   device, name);
     }
 }
 

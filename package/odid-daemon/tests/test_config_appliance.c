@@ -47,8 +47,7 @@ static void right_values(void **state)
         {"board", "console", "usb", "usb"},
         {"board", "console", "uart5", "uart5"},
         {"board", "uarts", "UART5,uart3 uart3", "uart3 uart5"},
-        {"board", "uarts", "uart0 uart1 uart2 uart3 uart4 uart5",
-         "uart0 uart1 uart2 uart3 uart4 uart5"},
+        {"board", "uarts", "uart1 uart2 uart3 uart4 uart5", "uart1 uart2 uart3 uart4 uart5"},
         {"board", "uarts", "\"\"", ""},
     };
 
@@ -107,10 +106,11 @@ static void wrong_values(void **state)
         {"board", "antenna", "big", "internal or external; using internal"},
         {"board", "antenna", "1", NULL},
         {"board", "usb", "otg", "host or gadget; using host"},
-        {"board", "console", "uart6", "off, usb or uart0 to uart5; using off"},
+        {"board", "console", "uart6", "off, usb or uart1 to uart5; using off"},
         {"board", "console", "on", NULL},
         {"board", "uarts", "uart6",
-         "a list of uart0 to uart5, such as uart3 uart5, or \"\"; using none"},
+         "a list of uart1 to uart5, such as uart3 uart5, or \"\"; using none"},
+        {"board", "uarts", "uart0", NULL}, /* the Bluetooth chip's */
         {"board", "uarts", "uart33", NULL},
         {"board", "uarts", "uart3;rm", NULL}, /* a comment: right */
         {"board", "uarts", "uart3/uart5", NULL},

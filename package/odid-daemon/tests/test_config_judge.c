@@ -87,10 +87,21 @@ static void judgements(void **state)
          "warning: [bench] latitude, longitude: 0, 0 means unknown on the air\n"},
         {GOOD "[autopilot]\ndevice = /dev/ttyACM1\n[broadcast]\nbt_adapter = h4:/dev/ttyACM1\n",
          "warning: [autopilot] device and a Bluetooth adapter are both /dev/ttyACM1\n"},
-        {GOOD "[autopilot]\ndevice = /dev/ttyAMA3\n[board]\nconsole = uart3\n",
+        {GOOD "[autopilot]\ndevice = /dev/ttyAMA3\n[board]\nconsole = uart3\nuarts = uart3\n",
          "warning: [board] console = uart3 is the autopilot's port, [autopilot] device = "
          "/dev/ttyAMA3: no telemetry comes through\n"},
-        {GOOD "[autopilot]\ndevice = /dev/ttyAMA3\n[board]\nconsole = uart2\n", ""},
+        {GOOD "[autopilot]\ndevice = /dev/ttyAMA3\n[board]\nconsole = uart2\nuarts = uart3\n", ""},
+        {GOOD "[autopilot]\ndevice = /dev/ttyS1\n[board]\nconsole = uart1\nuarts = uart1\n",
+         "warning: [board] console = uart1 is the autopilot's port, [autopilot] device = "
+         "/dev/ttyS1: no telemetry comes through\n"},
+        {GOOD "[autopilot]\ndevice = /dev/ttyAMA3\n[board]\nuarts = uart1 uart4\n",
+         "warning: [autopilot] device = /dev/ttyAMA3 is a port that is off: [board] uarts doesn't "
+         "name uart3\n"},
+        {GOOD "[autopilot]\ndevice = /dev/ttyS1\n",
+         "warning: [autopilot] device = /dev/ttyS1 is a port that is off: [board] uarts doesn't "
+         "name uart1\n"},
+        {GOOD "[board]\nconsole = usb\n", "warning: [board] console = usb needs usb = gadget\n"},
+        {GOOD "[board]\nconsole = usb\nusb = gadget\n", ""},
     };
 
     (void)state;
