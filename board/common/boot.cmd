@@ -4,6 +4,10 @@
 #   upgrade_available  1 while `trial` is on trial; U-Boot counts boots in bootcount only then
 #   trial_failed       set here: the slot whose trial failed last; kept for whoever asks why
 #   disk, console, *_addr_r   the board's, from its u-boot.env
+#   board_*            odid.conf's [board] keys, for the slot's /boot/board.scr
+#
+# A slot holds kernel, device tree (/boot/board.dtb; none: the machine's own) and a script that fits
+# the device tree to the board (/boot/board.scr), so that these always go together.
 #
 # What comes of it is on the kernel's command line: odid.slot=a|b, and odid.fallback=<why> when
 # that isn't the slot that should have been started.
@@ -53,9 +57,6 @@ setenv start_slot '
 setenv failure kernel-refused;
 setenv initrd -;
 setenv fdt ${fdtcontroladdr};
-part uuid ${disk}:${part} partuuid;
-setenv bootargs root=PARTUUID=${partuuid} ro rootfstype=squashfs rootwait panic=5 console=${console} odid.slot=${try};
-if test -n "${fallback}"; then setenv bootargs ${bootargs} odid.fallback=${fallback}; fi;
 if test -e ${disk}:${part} /boot/initrd; then
     load ${disk}:${part} ${ramdisk_addr_r} /boot/initrd;
     setenv initrd ${ramdisk_addr_r}:${filesize};
@@ -64,6 +65,12 @@ if test -e ${disk}:${part} /boot/board.dtb; then
     load ${disk}:${part} ${fdt_addr_r} /boot/board.dtb;
     setenv fdt ${fdt_addr_r};
 fi;
+if test -e ${disk}:${part} /boot/board.scr; then
+    load ${disk}:${part} ${scriptaddr} /boot/board.scr && source ${scriptaddr};
+fi;
+part uuid ${disk}:${part} partuuid;
+setenv bootargs root=PARTUUID=${partuuid} ro rootfstype=squashfs rootwait panic=5 console=${console} odid.slot=${try};
+if test -n "${fallback}"; then setenv bootargs ${bootargs} odid.fallback=${fallback}; fi;
 load ${disk}:${part} ${kernel_addr_r} /boot/Image && booti ${kernel_addr_r} ${initrd} ${fdt}'
 
 # Comes back only when the slot can't be started.

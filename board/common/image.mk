@@ -25,13 +25,15 @@ IMAGE_VERSION = $(shell sed -n 's/^project.odid-daemon VERSION \([0-9.]*\).*/\1/
 IMAGE_PACKAGES = bc bmap-tools build-essential bzip2 ca-certificates cpio file git patch perl python3 \
 	rsync unzip wget xxd xz-utils
 
-# The same commit, the same bytes.
+# The same commit, the same bytes. Everything is dated 2026-01-01, so that what was built for an earlier
+# commit and is still good has no other date in it; the commit's own time is in /etc/odid-release.
+IMAGE_DATE = 1767225600
 IMAGE_TIME = $(or $(SOURCE_DATE_EPOCH),$(shell git log -1 --format=%ct 2>/dev/null),\
 	$(shell stat -c %Y $(DAEMON)/CMakeLists.txt))
 # MAKEFLAGS: the project's own --no-builtin-rules is not for other people's makefiles. PYTHONHASHSEED:
 # the bill of materials would be in another order each time. FORCE_...: tar's, for those who are root.
-BUILDROOT_MAKE = MAKEFLAGS= PYTHONHASHSEED=0 FORCE_UNSAFE_CONFIGURE=1 SOURCE_DATE_EPOCH=$(IMAGE_TIME) \
-	BR2_DL_DIR=$(abspath $(DL_DIR)) \
+BUILDROOT_MAKE = MAKEFLAGS= PYTHONHASHSEED=0 FORCE_UNSAFE_CONFIGURE=1 SOURCE_DATE_EPOCH=$(IMAGE_DATE) \
+	ODID_BUILD_TIME=$(IMAGE_TIME) \
 	$(MAKE) --no-print-directory -C $(BUILDROOT_DIR) O=$(abspath $(IMAGE_OUT)) \
 	BR2_EXTERNAL=$(CURDIR)/br2-external$(addprefix :,$(abspath $(IMAGE_LAYER))) \
 	BR2_DL_DIR=$(abspath $(DL_DIR))

@@ -1,6 +1,6 @@
 #!/bin/sh
 # post-build.sh TARGET BOARD: Buildroot calls it when the root's files are together, before they are
-# packed. It completes the slot.
+# packed. It completes the slot. ODID_BUILD_TIME is the time that the clock starts from.
 set -eu
 target=$1 board=$2
 project=$(cd "$(dirname "$0")/../.." && pwd)
@@ -31,14 +31,18 @@ done
 sed -i -n -e '/^root:/p' -e '/^nobody:/p' "$target/etc/passwd" "$target/etc/shadow"
 
 version=$(sed -n 's/^project(odid-daemon VERSION \([0-9.]*\).*/\1/p' "$project/package/odid-daemon/CMakeLists.txt")
-sed -i -e "s/@VERSION@/${version:?}/" -e "s/@BUILD_TIME@/${SOURCE_DATE_EPOCH:?}/" -e "s/@BOARD@/$board/" \
+sed -i -e "s/@VERSION@/${version:?}/" -e "s/@BUILD_TIME@/${ODID_BUILD_TIME:?}/" -e "s/@BOARD@/$board/" \
 	"$target/etc/odid-release"
 
-# The board's device tree by the name that boot.cmd knows. QEMU hands its own over.
+# The board's device tree by the name that boot.cmd knows, and the script that fits it to the board.
+# QEMU hands its own over.
 set -- "$BINARIES_DIR/"*.dtb
 if [ -e "$1" ]; then
 	rm -f "$target/boot/"*.dtb
 	cp "$1" "$target/boot/board.dtb"
+fi
+if [ -e "$project/board/$board/board.cmd" ]; then
+	mkimage -A arm64 -T script -C none -n board -d "$project/board/$board/board.cmd" "$target/boot/board.scr" >/dev/null
 fi
 
 # Of the radios' firmware only what this board's radios load.

@@ -1,0 +1,62 @@
+"""/lib/odid/board-settings: odid.conf's [board] keys on their way to the boot loader."""
+
+from test_appliance_scripts import appliance, pytestmark  # noqa: F401
+
+# U-Boot's environment in a file, one line a variable, as libubootenv's programs see it.
+PRINTENV = """#!/bin/sh
+sed -n "s/^$2=//p" /environment | grep . || { echo "no $2" >&2; exit 1; }
+"""
+SETENV = """#!/bin/sh
+echo fw_setenv >>/calls
+[ ! -e /read-only ] || exit 1
+while IFS= read -r line; do
+    [ -n "$line" ] || continue
+    grep -v "^${line%%=*}=" /environment >/new
+    echo "$line" >>/new
+    mv /new /environment
+done <"$2"
+"""
+DEFAULTS = {"board__antenna": "internal", "board__usb": "host", "board__uarts": "", "board__console": "off"}
+
+
+def run(one, environment="slot=a\n", **changed):
+    for name, text in (("fw_printenv", PRINTENV), ("fw_setenv", SETENV)):
+        one.write(f"usr/bin/{name}", text)
+        (one.root / "usr/bin" / name).chmod(0o755)
+    if environment is not None:
+        one.write("environment", environment)
+        one.write("run/fw_env.config", "place\n")
+    one.settings(**DEFAULTS | changed)
+    return one.run("/lib/odid/board-settings")
+
+
+def test_defaults_are_not_written(appliance):
+    assert run(appliance).returncode == 0
+    assert appliance.calls() == [] and appliance.fault("board") is None
+
+
+def test_a_change_is_written_once_and_said_until_the_next_power_on(appliance):
+    assert run(appliance, board__uarts="uart3 uart5", board__usb="gadget").returncode == 0
+    lines = appliance.read("environment").splitlines()
+    assert sorted(lines) == ["board_antenna=internal", "board_console=off", "board_uarts=uart3 uart5",
+                             "board_usb=gadget", "slot=a"]
+    assert "switch the power off and on" in appliance.fault("board")
+    (appliance.root / "run/faults/board").unlink()
+    run(appliance, environment=appliance.read("environment"), board__uarts="uart3 uart5", board__usb="gadget")
+    assert appliance.calls() == ["fw_setenv"] and appliance.fault("board") is None
+    run(appliance, environment=appliance.read("environment"))      # back to the defaults
+    assert "board_uarts=" in appliance.read("environment").splitlines()
+    assert appliance.calls() == ["fw_setenv"] * 2
+
+
+def test_an_environment_that_can_not_be_written_is_a_fault(appliance):
+    appliance.write("read-only", "")
+    assert run(appliance, board__antenna="external").returncode == 1
+    assert "can't be written" in appliance.fault("board")
+
+
+def test_an_environment_that_is_not_found_is_a_fault(appliance):
+    script = appliance.root / "lib/odid/board-settings"
+    script.write_text(script.read_text().replace("sleep 1", ":"))
+    assert run(appliance, environment=None).returncode == 1
+    assert "can't be read" in appliance.fault("board")
