@@ -41,6 +41,11 @@ define ODID_CHECK_UBOOT
 endef
 UBOOT_PRE_BUILD_HOOKS += ODID_CHECK_UBOOT
 
+define ODID_CHECK_SWUPDATE
+	$(ODID_CHECK_CONFIG) "SWUpdate" $(@D)/.config $(ODID_BOARD_DIR)/common/swupdate.fragment
+endef
+SWUPDATE_PRE_BUILD_HOOKS += ODID_CHECK_SWUPDATE
+
 ifeq ($(BR_BUILDING),y)
 ifneq ($(shell $(ODID_CHECK_CONFIG) "Buildroot" $(BR2_CONFIG) $(call qstrip,$(BR2_DEFCONFIG)) || echo lost),)
 $(error see above)

@@ -60,7 +60,7 @@ def test_boards_differ_only_where_they_do():
 
 def fragments():
     return [*(f"configs/odid_{board}_defconfig" for board in BOARDS), "board/common/busybox.fragment",
-            *(f"board/{board}/{part}.fragment" for board in ("common", *BOARDS) for part in ("linux", "u-boot"))]
+            "board/common/swupdate.fragment", *(f"board/{board}/{part}.fragment" for board in ("common", *BOARDS) for part in ("linux", "u-boot"))]
 
 
 @pytest.mark.parametrize("file", fragments())
@@ -82,7 +82,7 @@ def test_every_option_is_set_once(board):
         names = [name for folder in ("common", board)
                  for name, _ in options(read(f"board/{folder}/{part}.fragment"))]
         assert len(names) == len(set(names))
-    for file in (f"configs/odid_{board}_defconfig", "board/common/busybox.fragment"):
+    for file in (f"configs/odid_{board}_defconfig", "board/common/busybox.fragment", "board/common/swupdate.fragment"):
         names = [name for name, _ in options(read(file))]
         assert len(names) == len(set(names))
 
@@ -200,7 +200,8 @@ def test_each_selected_package_of_the_layer_is_there():
 PROGRAMS = {
     "DROPBEAR": "dropbear dropbearkey", "E2FSPROGS": "mke2fs e2fsck tune2fs", "DOSFSTOOLS": "mkfs.fat fsck.fat",
     "HOSTAPD_ODID": "hostapd hostapd_cli", "IW": "iw", "LIBUBOOTENV": "fw_printenv fw_setenv",
-    "MAVLINK_ROUTER": "mavlink-routerd", "NFTABLES": "nft", "SWUPDATE": "swupdate swupdate-client swupdate-progress",
+    "MAVLINK_ROUTER": "mavlink-routerd", "NFTABLES": "nft", "SWUPDATE": "swupdate",
+    "LIBCURL_CURL": "curl",
 }
 BUILT_IN = set("""
     : . [ alias bg break cd command continue echo eval exec exit export false fg getopts hash help jobs kill let
@@ -321,8 +322,10 @@ def firmware(target, board):
 
 def post_build(target, board, images):
     images.mkdir(exist_ok=True)
+    trusted = images.parent / "trusted.pem"
+    trusted.write_text("a certificate\n")
     return call(COMMON / "post-build.sh", target, board, BINARIES_DIR=str(images), SOURCE_DATE_EPOCH=EPOCH,
-                ODID_BUILD_TIME="1795000000")
+                ODID_BUILD_TIME="1795000000", ODID_TRUSTED=str(trusted))
 
 
 @needs("mkimage")
@@ -338,6 +341,9 @@ def test_the_root_is_completed(tmp_path):
     result = post_build(target, "cm4", images)
     release = (target / "etc/odid-release").read_text()
     assert "BOARD=cm4" in release and "BUILD_TIME=1795000000" in release and "@" not in release
+    assert f"VERSION={(target / 'etc/odid/version').read_text().strip()}\n" in release
+    assert (target / "etc/swupdate/trusted.pem").read_text() == "a certificate\n"
+    assert (target / "etc/u-boot-initial-env").read_text() == read("board/cm4/u-boot.env")
     assert sorted(path.name for path in (target / "etc/init.d").iterdir()) == sorted(
         path.name for path in (OVERLAY / "etc/init.d").iterdir())
     assert (target / "etc/passwd").read_text().split(":")[0] == "root" and "www-data" not in (

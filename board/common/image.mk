@@ -33,7 +33,7 @@ IMAGE_TIME = $(or $(SOURCE_DATE_EPOCH),$(shell git log -1 --format=%ct 2>/dev/nu
 # MAKEFLAGS: the project's own --no-builtin-rules is not for other people's makefiles. PYTHONHASHSEED:
 # the bill of materials would be in another order each time. FORCE_...: tar's, for those who are root.
 BUILDROOT_MAKE = MAKEFLAGS= PYTHONHASHSEED=0 FORCE_UNSAFE_CONFIGURE=1 SOURCE_DATE_EPOCH=$(IMAGE_DATE) \
-	ODID_BUILD_TIME=$(IMAGE_TIME) \
+	ODID_BUILD_TIME=$(IMAGE_TIME) ODID_TRUSTED=$(abspath $(KEYS))/trusted.pem \
 	$(MAKE) --no-print-directory -C $(BUILDROOT_DIR) O=$(abspath $(IMAGE_OUT)) \
 	BR2_EXTERNAL=$(CURDIR)/br2-external$(addprefix :,$(abspath $(IMAGE_LAYER))) \
 	BR2_DL_DIR=$(abspath $(DL_DIR))
@@ -57,7 +57,7 @@ changed-recipes = $(if $(wildcard $(IMAGE_OUT)/built),$(addsuffix -dirclean,$(fi
 	$(shell find br2-external/package/*/ -newer $(IMAGE_OUT)/built -type f | cut -d / -f 3 | sort -u))))
 
 .PHONY: image source legal reproducible image-host
-image: $(IMAGE_OUT)/defconfig
+image: keys $(IMAGE_OUT)/defconfig
 	@touch $(IMAGE_OUT)/building
 	$(call buildroot,build,$(changed-recipes) odid-daemon-rebuild all)
 	@mv $(IMAGE_OUT)/building $(IMAGE_OUT)/built

@@ -1,6 +1,7 @@
 #!/bin/sh
 # post-build.sh TARGET BOARD: Buildroot calls it when the root's files are together, before they are
-# packed. It completes the slot. ODID_BUILD_TIME is the time that the clock starts from.
+# packed. It completes the slot. ODID_BUILD_TIME is the time that the clock starts from, ODID_TRUSTED
+# the certificates of those whose updates it takes.
 set -eu
 target=$1 board=$2
 project=$(cd "$(dirname "$0")/../.." && pwd)
@@ -33,6 +34,11 @@ sed -i -n -e '/^root:/p' -e '/^nobody:/p' "$target/etc/passwd" "$target/etc/shad
 version=$(sed -n 's/^project(odid-daemon VERSION \([0-9.]*\).*/\1/p' "$project/package/odid-daemon/CMakeLists.txt")
 sed -i -e "s/@VERSION@/${version:?}/" -e "s/@BUILD_TIME@/${ODID_BUILD_TIME:?}/" -e "s/@BOARD@/$board/" \
 	"$target/etc/odid-release"
+echo "$version" >"$target/etc/odid/version"
+
+# What updates need: whom to trust, and what the boot loader has where its environment says nothing.
+install -D -m 644 "${ODID_TRUSTED:?}" "$target/etc/swupdate/trusted.pem"
+cp "$project/board/$board/u-boot.env" "$target/etc/u-boot-initial-env"
 
 # The board's device tree by the name that boot.cmd knows, and the script that fits it to the board.
 # QEMU hands its own over.

@@ -1,6 +1,6 @@
 #!/bin/sh
 # post-image.sh IMAGES BOARD: Buildroot calls it when the slot is packed. It makes the disk around it:
-# images/disk.img, by genimage from genimage.cfg.in.
+# images/disk.img, by genimage from genimage.cfg.in; images/slot.img is what an update brings.
 set -eu
 images=$1 board=$2
 common=$(cd "$(dirname "$0")" && pwd)
@@ -43,3 +43,4 @@ sed "s|@BOOT_FILES@|$boot_files|" "$common/genimage.cfg.in" >"$BUILD_DIR/genimag
 rm -rf "$BUILD_DIR/genimage.tmp"
 genimage --config "$BUILD_DIR/genimage.cfg" --inputpath "$inputs" --outputpath "$images" \
 	--tmppath "$BUILD_DIR/genimage.tmp" --rootpath "$inputs/empty"
+cp "$inputs/slot.img" "$images/"
