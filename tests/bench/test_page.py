@@ -1,0 +1,135 @@
+"""The technician's page in the appliance: there in maintenance, gone when the aircraft is armed."""
+
+import http.client
+import json
+import socket
+import threading
+import time
+
+import pytest
+from host import parts
+
+from . import flights
+from .conftest import GROUND, PASSWORD
+
+NUMBER = "FIN87astrdge12k8"
+CLOSED_WITHIN_S = 5         # of arming: it is looked for every other second
+
+
+def free_tcp_port():
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return one.getsockname()[1]
+
+
+class Page:
+    """The page from outside, by Ethernet."""
+
+    def __init__(self, machine):
+        self.port = free_tcp_port()
+        self.cookie = ""
+        machine.qmp.command("human-monitor-command",
+                            **{"command-line": f"hostfwd_add net tcp:127.0.0.1:{self.port}-:80"})
+
+    def connect(self, timeout_s=5):
+        return http.client.HTTPConnection("127.0.0.1", self.port, timeout=timeout_s)
+
+    def ask(self, method, path, body=None, timeout_s=20, connection=None):
+        """The code and what came back; None when nothing answers."""
+        connection = connection or self.connect(timeout_s)
+        try:
+            connection.request(method, path, json.dumps(body) if body is not None else None,
+                               {"X-Odid-Page": "1", "Cookie": self.cookie})
+            answer = connection.getresponse()
+            text = answer.read()
+        except (OSError, http.client.HTTPException):
+            return None, None
+        if "Set-Cookie" in answer.headers:
+            self.cookie = answer.headers["Set-Cookie"].split(";")[0]
+        return answer.status, json.loads(text) if path.startswith("/api") else text
+
+
+def listening(machine):
+    """TCP ports that anything in the machine listens on: a scan that misses none."""
+    lines = machine.must("netstat -ltn | grep LISTEN; true").splitlines()
+    return {int(line.split()[3].rsplit(":", 1)[1]) for line in lines}
+
+
+def wait_until(what, condition, timeout_s=15):
+    """Returns how long it took."""
+    begun = time.monotonic()
+    parts.wait_for(what, condition, timeout_s)
+    return time.monotonic() - begun
+
+
+def is_on(machine):
+    return machine.must("cat /run/odid-appliance/maintenance; true").strip() == "on"
+
+
+@pytest.fixture
+def page(make_machine):
+    machine = make_machine("page", config={"odid.conf": GROUND})
+    machine.power_on()
+    machine.wait_on_air()
+    page = Page(machine)
+    page.machine = machine
+    assert listening(machine) == set() and page.ask("GET", "/", timeout_s=3)[0] is None
+    machine.must("odidctl maintenance on")
+    wait_until("the page", lambda: listening(machine) == {80})
+    return page
+
+
+def test_the_page_is_there_in_maintenance_and_gone_when_armed(page):
+    machine = page.machine
+    assert page.ask("GET", "/")[0] == 200
+    assert page.ask("GET", "/api/status")[0] == 401
+    assert page.ask("POST", "/api/session", {"password": "another-password"})[0] == 403
+    assert page.ask("POST", "/api/session", {"password": PASSWORD}) == (200, {})
+
+    code, status = page.ask("GET", "/api/status")
+    assert code == 200 and status["daemon"]["on_air"] and status["slot"] in ("a", "b")
+    assert status["daemon"]["channels"]["bt4"]["state"] == "on air"
+
+    who = machine.must("for p in $(pidof odid-web); do grep -E '^(Uid|CapEff)' /proc/$p/status; done")
+    assert "Uid:\t991" in who and "CapEff:\t0000000000000000" in who
+
+    code, said = page.ask("POST", "/api/settings", {"operator": f"{NUMBER}-xyz"})
+    assert code == 200 and said["operator"]["done"], said
+    assert machine.must("odidctl get operator.operator_id").strip() == NUMBER
+    machine.wait_on_air()
+    assert machine.run("grep -r 'xyz' /data/odid /run/odid-appliance").code != 0
+
+    assert page.ask("GET", "/api/flights")[0] == 200
+
+    idle = page.connect()
+    assert page.ask("GET", "/api/status", connection=idle)[0] == 200
+    machine.play(flights.generate(machine.folder / "flight.tlog", 60))  # arms in its fourth second
+    wait_until("arming", lambda: (machine.status() or {}).get("aircraft", {}).get("armed"), 30)
+    took_s = wait_until("the port to close", lambda: listening(machine) == set())
+    assert took_s < CLOSED_WITHIN_S
+    assert page.ask("GET", "/api/status", connection=idle)[0] is None      # the open connection, too
+    assert page.ask("GET", "/", timeout_s=3)[0] is None
+    assert machine.must("nft list set inet odid maintenance").count("elements") == 0
+    assert machine.run("odidctl maintenance on").code != 0 or (time.sleep(4) or listening(machine)) == set()
+
+
+def test_what_the_page_costs(page):
+    """Its memory, and that its service comes back when its half that speaks HTTP is killed."""
+    machine = page.machine
+    kib = sum(int(line.split()[1]) for line in machine.must(
+        "for p in $(pidof odid-web); do grep RssAnon /proc/$p/status; done").splitlines())
+    assert kib < 2048
+    # Under load the page answers, and the broadcast goes on: more than a phone ever asks.
+    page.ask("POST", "/api/session", {"password": PASSWORD})
+    codes = []
+    askers = [threading.Thread(target=lambda: codes.extend(page.ask("GET", "/api/status")[0] for _ in range(10)))
+              for _ in range(4)]
+    for asker in askers:
+        asker.start()
+    for asker in askers:
+        asker.join()
+    assert set(codes) == {200} and len(codes) == 40
+    assert machine.status()["on_air"]
+    serving = machine.must("pidof odid-web").split()
+    machine.must(f"kill -9 {max(serving, key=int)}")
+    wait_until("the page again", lambda: page.ask("GET", "/", timeout_s=2)[0] == 200, 10)
