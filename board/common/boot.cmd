@@ -1,10 +1,13 @@
 # boot.cmd: starts one of the two slots. mkimage makes boot.scr of it; U-Boot's bootcmd runs that.
 #
 #   slot               the committed slot, a or b
-#   upgrade_available  1 while `trial` is on trial; U-Boot counts boots in bootcount only then
+#   upgrade_available  1 while `trial` is on trial; U-Boot counts starts in bootcount only then
 #   trial_failed       set here: the slot whose trial failed last; kept for whoever asks why
+#   restarts           counted here: starts that weren't power-ons, so panics and hangs; switching
+#                      off never counts. odid-update makes it 0 when it runs, on trial when all is well
 #   disk, console, *_addr_r   the board's, from its u-boot.env
 #   board_*            odid.conf's [board] keys, for the slot's /boot/board.scr
+#   find_power_on      the board's: sets power_on to 1 when power was switched on just now
 #
 # A slot holds kernel, device tree (/boot/board.dtb; none: the machine's own) and a script that fits
 # the device tree to the board (/boot/board.scr), so that these always go together.
@@ -13,24 +16,43 @@
 # that isn't the slot that should have been started.
 
 if test "${slot}" != b; then setenv slot a; fi
-setenv first ${slot}
 setenv fallback
 
-# This before everything else, because saveenv saves every variable there is.
-if test "${upgrade_available}" = 1; then
-    if test ${bootcount} -gt ${bootlimit}; then
-        setenv first
+# Restarts are counted before everything else, because saveenv saves every variable there is.
+if test -z "${restarts}"; then setenv restarts 0; fi
+setenv power_on
+run find_power_on
+# A board that takes every start for a power-on has this limit.
+if test "${upgrade_available}" = 1 && test ${bootcount} -gt ${bootlimit}; then
+    setenv power_on 0
+    setenv restarts 3
+fi
+if test "${power_on}" != 1; then
+    setenv power_on
+    setexpr restarts ${restarts} + 1
+    if test ${restarts} -le 3; then
+        saveenv
+    elif test "${upgrade_available}" = 1; then
         setenv trial_failed ${trial}
         setenv trial
         setenv upgrade_available 0
         setenv bootcount 0
+        setenv restarts 0
         saveenv
-        setenv first ${slot}
         setenv fallback slot-${trial_failed}-failed-its-trial
-    elif test "${trial}" = a || test "${trial}" = b; then
-        setenv first ${trial}
+    else
+        setenv restarts 0
+        saveenv
+        setenv fallback slot-${slot}-restarted-three-times
     fi
 fi
+
+setenv first ${slot}
+if test "${upgrade_available}" = 1; then
+    if test "${trial}" = a || test "${trial}" = b; then setenv first ${trial}; fi
+fi
+if test "${fallback}" = slot-a-restarted-three-times; then setenv first b; fi
+if test "${fallback}" = slot-b-restarted-three-times; then setenv first a; fi
 
 # A slot is read from end to end before it is started: damage anywhere in it, a program as well as
 # the kernel, is a reason to take the other one. seal-slot.sh wrote its sha256 behind the squashfs,
@@ -71,6 +93,7 @@ fi;
 part uuid ${disk}:${part} partuuid;
 setenv bootargs root=PARTUUID=${partuuid} ro rootfstype=squashfs rootwait panic=5 console=${console} odid.slot=${try};
 if test -n "${fallback}"; then setenv bootargs ${bootargs} odid.fallback=${fallback}; fi;
+if test -n "${mark}"; then fdt addr ${fdt} && fdt rsvmem add ${mark} 1000; fi;
 load ${disk}:${part} ${kernel_addr_r} /boot/Image && booti ${kernel_addr_r} ${initrd} ${fdt}'
 
 # Comes back only when the slot can't be started.

@@ -349,6 +349,15 @@ static void explain_fallback(void)
                                                    : "it was given up");
 }
 
+/* No trial, no restarts: the slot that U-Boot has for the committed one stays that. */
+static void settle(void)
+{
+    struct update_variables settled = {.slot = self.variables.slot};
+    int result = update_variables_write(ENVIRONMENT_CONFIG, &settled);
+
+    complain("U-Boot's variables can't be settled", result);
+}
+
 /* What the boot loader and an earlier process left behind. */
 static void resume(int64_t now_us)
 {
@@ -365,18 +374,20 @@ static void resume(int64_t now_us)
         update_version(&self.update, self.record.to); /* installed, not restarted yet */
         update_installed(&self.update, now_us);
     } else if (variables->upgrade_available || variables->trial_failed != '\0') {
-        struct update_variables settled = {.slot = self.running};
-
         if (recorded) {
             explain_fallback();
         }
-        complain("U-Boot's variables can't be settled",
-                 update_variables_write(ENVIRONMENT_CONFIG, &settled));
-    } else if (recorded && self.record.slot == self.running) {
-        keep(UPDATE_INSTALLED, self.version, "Version %s is installed.", self.version);
-    } else if (recorded) {
-        keep(UPDATE_REFUSED, self.record.to,
-             "The update was broken off, by power or a restart; nothing has changed.");
+        settle();
+    } else {
+        if (recorded && self.record.slot == self.running) {
+            keep(UPDATE_INSTALLED, self.version, "Version %s is installed.", self.version);
+        } else if (recorded) {
+            keep(UPDATE_REFUSED, self.record.to,
+                 "The update was broken off, by power or a restart; nothing has changed.");
+        }
+        if (variables->restarts != 0) {
+            settle(); /* we came up */
+        }
     }
 }
 

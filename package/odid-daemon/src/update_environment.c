@@ -164,7 +164,7 @@ int update_variables_read(const char *config, const char *defaults, char running
 {
     struct uboot_ctx *context;
     int result = open_environment(config, defaults, &context, repaired);
-    char *available;
+    char *value;
 
     memset(variables, 0, sizeof(*variables));
     if (result < 0) {
@@ -176,15 +176,19 @@ int update_variables_read(const char *config, const char *defaults, char running
     variables->slot = slot_variable(context, "slot");
     variables->trial = slot_variable(context, "trial");
     variables->trial_failed = slot_variable(context, "trial_failed");
-    available = libuboot_get_env(context, "upgrade_available");
-    variables->upgrade_available = available != NULL && strcmp(available, "1") == 0;
-    free(available);
+    value = libuboot_get_env(context, "upgrade_available");
+    variables->upgrade_available = value != NULL && strcmp(value, "1") == 0;
+    free(value);
+    value = libuboot_get_env(context, "restarts");
+    variables->restarts = value == NULL ? 0 : (unsigned)strtoul(value, NULL, 16);
+    free(value);
     return close_environment(context, *repaired);
 }
 
 int update_variables_write(const char *config, const struct update_variables *variables)
 {
     struct uboot_ctx *context;
+    char restarts[16];
     bool damaged;
     int result = open_environment(config, NULL, &context, &damaged);
 
@@ -195,6 +199,8 @@ int update_variables_write(const char *config, const struct update_variables *va
     set_slot(context, "trial", variables->trial);
     set_slot(context, "trial_failed", variables->trial_failed);
     libuboot_set_env(context, "upgrade_available", variables->upgrade_available ? "1" : "0");
+    snprintf(restarts, sizeof(restarts), "%x", variables->restarts);
+    libuboot_set_env(context, "restarts", restarts);
     libuboot_set_env(context, "bootcount", "0");
     return close_environment(context, true);
 }

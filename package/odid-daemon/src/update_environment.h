@@ -21,6 +21,7 @@ bool update_environment_find(const char *volume, const char *mount_point, const 
 struct update_variables {
     char slot, trial, trial_failed; /* 'a', 'b', or '\0' for none */
     bool upgrade_available;
+    unsigned restarts; /* that weren't power-ons, as boot.cmd counts them */
 };
 
 /*
@@ -31,7 +32,8 @@ struct update_variables {
 int update_variables_read(const char *config, const char *defaults, char running,
                           struct update_variables *variables, bool *repaired);
 
-/* Writes all of them at once, and flushes: all or none. bootcount becomes 0. 0 or -errno. */
+/* Writes all of them at once, and flushes: all or none. bootcount becomes 0. Returns 0
+ * or -errno. */
 int update_variables_write(const char *config, const struct update_variables *variables);
 
 #endif

@@ -9,6 +9,7 @@ import time
 
 import pytest
 from bench import disk as disks
+from bench.machine import Qmp
 
 TIMEOUT_S = 120         # about 3 s where the machine has nothing else to do
 ENV_SIZE = "0x4000"
@@ -72,30 +73,42 @@ class Bare:
         newest = max(files, key=lambda data: data[4])
         return [line.decode() for line in newest[5:].split(b"\0\0")[0].split(b"\0")]
 
-    def boot(self, until=COMMAND_LINE):
-        """Words of the kernel's command line, {name: value}; or the text where `until` is found."""
-        console = self.folder / "console"
+    def boot(self, until=COMMAND_LINE, restarts=0):
+        """Words of the kernel's command line, {name: value}; or the text where `until` is found.
+        Power is switched on; then the machine is restarted, as by a panic, so many times."""
+        console, qmp = self.folder / "console", self.folder / "qmp"
         console.unlink(missing_ok=True)
         qemu = subprocess.Popen(
             ["qemu-system-aarch64", "-M", "virt,gic-version=3", "-cpu", "cortex-a72",
              "-accel", "tcg,thread=multi", "-smp", "2", "-m", "384", "-nodefaults", "-display", "none",
-             "-no-reboot", "-bios", disks.LOADER, "-chardev", f"file,id=console,path={console}",
+             "-qmp", f"unix:{qmp},server=on,wait=off", "-bios", disks.LOADER, "-chardev", f"file,id=console,path={console}",
              "-serial", "chardev:console", "-drive", f"if=none,id=disk,format=raw,file={self.disk}",
              "-device", "virtio-blk-device,drive=disk"], stdin=subprocess.DEVNULL)
         try:
-            deadline = time.monotonic() + TIMEOUT_S
-            while time.monotonic() < deadline:
-                text = console.read_text(errors="replace") if console.exists() else ""
-                match = re.search(until, text)
-                if match and (until is not COMMAND_LINE or "\n" in text[match.end():]):
-                    if until is not COMMAND_LINE:
-                        return text
-                    return dict(word.split("=", 1) for word in match[1].split() if "=" in word)
-                time.sleep(0.1)
-            raise AssertionError(f"not within {TIMEOUT_S} s:\n{text[-2000:]}")
+            control = Qmp(qmp)
+            begin = 0
+            for _ in range(restarts):
+                begin += self._wait(console, begin, COMMAND_LINE).end()
+                control.command("system_reset")
+            match = self._wait(console, begin, until)
+            control.close()
+            if until is not COMMAND_LINE:
+                return match.string
+            return dict(word.split("=", 1) for word in match[1].split() if "=" in word)
         finally:
             qemu.kill()
             qemu.wait()
+
+    @staticmethod
+    def _wait(console, begin, pattern):
+        deadline = time.monotonic() + TIMEOUT_S
+        while time.monotonic() < deadline:
+            text = console.read_text(errors="replace")[begin:] if console.exists() else ""
+            match = re.search(pattern, text)
+            if match and (pattern is not COMMAND_LINE or "\n" in text[match.end():]):
+                return match
+            time.sleep(0.1)
+        raise AssertionError(f"not within {TIMEOUT_S} s:\n{text[-2000:]}")
 
 
 @pytest.fixture(name="bare")
@@ -139,21 +152,43 @@ def test_both_slots_damaged_starts_neither(bare):
     assert "Starting kernel" not in bare.boot(until=HOPELESS)
 
 
-def test_a_trial_that_is_never_confirmed_ends_after_three_boots(bare):
+def test_a_trial_that_is_never_confirmed_ends_after_three_restarts(bare):
     bare.set_variables(slot="a", trial="b", upgrade_available=1, bootcount=0)
-    for _ in range(3):
-        words = bare.boot()
-        assert words["odid.slot"] == "b"
-        assert "odid.fallback" not in words
-    words = bare.boot()
+    words = bare.boot(restarts=3)
+    assert words["odid.slot"] == "b"
+    assert "odid.fallback" not in words
+    bare.set_variables(slot="a", trial="b", upgrade_available=1, bootcount=0, restarts=0)
+    words = bare.boot(restarts=4)
     assert words["odid.slot"] == "a"
     assert words["odid.fallback"] == "slot-b-failed-its-trial"
     lines = bare.variables()
     assert "upgrade_available=0" in lines
     assert "trial_failed=b" in lines
     # Nothing of the boot script's own is kept.
-    assert not {"first", "fallback", "try", "part", "trial"} & {line.split("=")[0] for line in lines}
+    own = {"first", "fallback", "try", "part", "trial", "power_on"}
+    assert not own & {line.split("=")[0] for line in lines}
     assert "odid.fallback" not in bare.boot()
+
+
+def test_switching_power_off_never_ends_a_trial(bare):
+    bare.set_variables(slot="a", trial="b", upgrade_available=1, bootcount=0)
+    for _ in range(10):
+        words = bare.boot()
+        assert words["odid.slot"] == "b"
+        assert "odid.fallback" not in words
+    # A board that took every start for a power-on would stop here.
+    bare.set_variables(bootcount=20)
+    assert bare.boot()["odid.fallback"] == "slot-b-failed-its-trial"
+
+
+def test_a_committed_slot_that_keeps_restarting_gives_way_for_once(bare):
+    words = bare.boot(restarts=3)
+    assert words["odid.slot"] == "a"
+    assert "odid.fallback" not in words
+    words = bare.boot(restarts=1)
+    assert words["odid.slot"] == "b"
+    assert words["odid.fallback"] == "slot-a-restarted-three-times"
+    assert bare.boot()["odid.slot"] == "a"
 
 
 def test_a_damaged_slot_on_trial_gives_way_at_once(bare):
