@@ -1,7 +1,5 @@
 """/lib/odid/board-settings: odid.conf's [board] keys on their way to the boot loader."""
 
-from test_appliance_scripts import appliance, pytestmark  # noqa: F401
-
 # U-Boot's environment in a file, one line a variable, as libubootenv's programs see it.
 PRINTENV = """#!/bin/sh
 sed -n "s/^$2=//p" /environment | grep . || { echo "no $2" >&2; exit 1; }

@@ -4,110 +4,12 @@ with programs that only note how they were called. What needs a whole machine is
 
 import os
 import re
-import shutil
 import subprocess
 import time
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parent.parent
-OVERLAY = ROOT / "overlay"
-BUSYBOX = shutil.which("busybox")
-SETTINGS = {
-    "autopilot.device": "auto", "autopilot.baud": "921600", "broadcast.wifi_iface": "wlan0", "wifi.country": "SE",
-    "wifi.channel": "6", "mavlink.udp_port": "14550", "ground_station.address": "",
-    "broadcast.wifi_beacon_enabled": "true",
-}
-ODIDCTL = """#!/bin/sh
-case $1 in
-get) sed -n "s/^$2=//p" /settings ;;
-status) cat /status.json ;;
-esac
-"""
-NOTES = """#!/bin/sh
-echo "${0##*/} $*" >>/calls
-echo OK
-"""
-NOTED = ("sv", "nft", "hostapd_cli", "ip")
-KEY = "7" * 64
-
-pytestmark = [
-    pytest.mark.skipif(os.geteuid() != 0, reason="a root of its own needs root"),
-    pytest.mark.skipif(BUSYBOX is None, reason="busybox isn't installed (Debian: busybox-static)"),
-]
-
-
-class Appliance:
-    """A bare root with the overlay, and its scripts run in it."""
-
-    def __init__(self, root):
-        self.root = root
-        for folder in ("bin", "data/odid", "data/secrets", "dev", "proc", "run/faults", "run/odid-appliance", "run/pid",
-                       "sys/class/tty", "usr/bin"):
-            (root / folder).mkdir(parents=True)
-        shutil.copy(BUSYBOX, root / "bin/busybox")
-        shutil.copytree(OVERLAY, root, symlinks=True, dirs_exist_ok=True)
-        for name, number in (("null", 3), ("zero", 5), ("urandom", 9)):
-            os.mknod(root / "dev" / name, 0o20666, os.makedev(1, number))
-        for name, text in {"odidctl": ODIDCTL, **dict.fromkeys(NOTED, NOTES)}.items():
-            (root / "usr/bin" / name).write_text(text)
-            (root / "usr/bin" / name).chmod(0o755)
-        self.settings()
-        self.run("/bin/busybox --install -s /bin", shell="/bin/busybox")
-
-    def settings(self, **changed):
-        """wifi__channel="11" for wifi.channel."""
-        values = SETTINGS | {name.replace("__", "."): value for name, value in changed.items()}
-        self.write("settings", "".join(f"{name}={value}\n" for name, value in values.items()))
-
-    def write(self, path, text):
-        (self.root / path).parent.mkdir(parents=True, exist_ok=True)
-        (self.root / path).write_text(text)
-
-    def read(self, path):
-        return (self.root / path).read_text()
-
-    def exists(self, path):
-        return (self.root / path).exists()
-
-    def words(self, command, shell="/bin/sh"):
-        inside = f'mount --bind /proc "$0/proc" && exec chroot "$0" {shell} {"sh " if "busybox" in shell else ""}-c "$1"'
-        return ["unshare", "--mount", "sh", "-c", inside, str(self.root), f"PATH=/usr/bin:/bin; {command}"]
-
-    def run(self, command, shell="/bin/sh"):
-        return subprocess.run(self.words(command, shell), capture_output=True, text=True, timeout=30)
-
-    def must(self, command):
-        result = self.run(command)
-        assert result.returncode == 0, result.stdout + result.stderr
-        return result.stdout
-
-    def calls(self):
-        return self.read("calls").splitlines() if self.exists("calls") else []
-
-    def fault(self, name):
-        return self.read(f"run/faults/{name}") if self.exists(f"run/faults/{name}") else None
-
-    def port(self, tty, where, interface, number=None, **device):
-        """A USB serial port as sysfs shows it; device: idVendor, idProduct, manufacturer, product, serial."""
-        usb = self.root / "sys/devices" / where
-        inner = usb / f"{where}:1.{interface}" / (tty if number is not None else "")
-        (inner / "tty" / tty).mkdir(parents=True)
-        for name, value in device.items():
-            (usb / name).write_text(value + "\n")
-        (usb / f"{where}:1.{interface}/bInterfaceNumber").write_text(f"{interface:02}\n")
-        if number is not None:
-            (inner / "port_number").write_text(f"{number}\n")
-        (inner / "tty" / tty / "device").symlink_to("../..")
-        classes = self.root / "sys/class/tty"
-        (classes / tty).symlink_to(os.path.relpath(inner / "tty" / tty, classes))
-        os.mknod(self.root / "dev" / tty, 0o20660, os.makedev(1, 3))
-
-
-@pytest.fixture
-def appliance(tmp_path):
-    return Appliance(tmp_path / "root")
+from .root import KEY, NOTES, OVERLAY
 
 
 def test_each_service_is_supervised_and_each_supervised_one_exists():
