@@ -6,7 +6,6 @@
 """
 
 import json
-import signal
 import sys
 import time
 from pathlib import Path
@@ -17,7 +16,7 @@ if __package__ is None:
 from bench import limits
 from bench.machine import CHANNELS, Machine, missing
 from host import demo as host_demo
-from host import parts
+from host import parts, program
 
 FOLDER = host_demo.FOLDER
 LEAD_S = 3.0  # positions flow before the judging begins
@@ -70,7 +69,6 @@ def main():
     reason = missing()
     if reason:
         sys.exit(f"demo: {reason}")
-    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))  # ends its parts, too
     FOLDER.mkdir(parents=True, exist_ok=True)
     for old in ("report.txt", "report.png", "figures.json", "receptions.jsonl"):
         (FOLDER / old).unlink(missing_ok=True)
@@ -94,9 +92,4 @@ def main():
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main())
-    except KeyboardInterrupt:
-        sys.exit(130)
-    except (TimeoutError, FileNotFoundError, RuntimeError) as error:
-        sys.exit(f"demo: {error}")
+    program.run("demo", main)

@@ -11,7 +11,6 @@ SETTLED_S, when every service has done all it does once, and the last one.
 import datetime
 import json
 import os
-import signal
 import subprocess
 import sys
 import time
@@ -23,7 +22,7 @@ if __package__ is None:
 
 from bench import flights, limits
 from bench.machine import CHANNELS, Machine, missing
-from host import parts
+from host import parts, program
 
 FOLDER = parts.ROOT / "build/soak"
 DEFAULT_S = 1800
@@ -105,7 +104,6 @@ def main():
     reason = missing()
     if reason:
         sys.exit(f"soak: {reason}")
-    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))  # ends its parts, too
     FOLDER.mkdir(parents=True, exist_ok=True)
     machine = Machine(FOLDER / "machine")
     try:
@@ -133,9 +131,4 @@ def main():
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main())
-    except KeyboardInterrupt:
-        sys.exit(130)
-    except (TimeoutError, RuntimeError, FileNotFoundError) as error:
-        sys.exit(f"soak: {error}")
+    program.run("soak", main)

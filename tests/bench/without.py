@@ -1,7 +1,6 @@
 """`make faults-without`: do the tests of faults see anything? Faults of the list are done to an appliance
 that lacks what is there against them; each of them has to miss its limit."""
 
-import signal
 import sys
 from pathlib import Path
 
@@ -10,13 +9,13 @@ if __package__ is None:
 
 from bench import faults, runs
 from bench.machine import missing
+from host import program
 
 
 def main():
     reason = missing()
     if reason:
         sys.exit(f"faults-without: {reason}")
-    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))  # ends its parts, too
     runs.FOLDER = runs.FOLDER.with_name("faults-without")
     outcomes = runs.in_flight(faults.WITHOUT)
     unseen = 0
@@ -31,9 +30,4 @@ def main():
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main())
-    except KeyboardInterrupt:
-        sys.exit(130)
-    except (TimeoutError, RuntimeError, FileNotFoundError) as error:
-        sys.exit(f"faults-without: {error}")
+    program.run("faults-without", main)

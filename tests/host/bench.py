@@ -9,7 +9,6 @@ import argparse
 import datetime
 import json
 import os
-import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -17,7 +16,7 @@ from pathlib import Path
 if __package__ is None:
     sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from host import measure, parts, runs, tlog
+from host import measure, parts, program, runs, tlog
 from host.demo import RECORDED
 from host.flight import write_flight
 
@@ -192,7 +191,6 @@ def main():
     parser.add_argument("--quick", action="store_true", help="15 s a run, to try the bench itself")
     parser.add_argument("--only", choices=("bar", "log", "scenarios", "model", *STRESS))
     arguments = parser.parse_args()
-    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))  # ends its parts, too
     os.environ.pop("LOSS", None)  # meant for the demo; the bench drops receptions where it says so
     seconds = 300 if arguments.long else 15 if arguments.quick else 60
     whole = 15 if arguments.quick else 208
@@ -222,9 +220,4 @@ def main():
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main())
-    except KeyboardInterrupt:
-        sys.exit(130)
-    except (OSError, RuntimeError, subprocess.SubprocessError) as error:
-        sys.exit(f"bench: {error}")
+    program.run("bench", main)

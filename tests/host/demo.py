@@ -1,4 +1,4 @@
-"""`make demo`: a flight through the real daemon, and what an independent listener heard of it.
+"""`make demo-host`: a flight through the real daemon, and what an independent listener heard of it.
 
   FLIGHT=<log>     the flight to play; default: the recorded one in TEST_DATA, else a generated one
   SECONDS=<n>      how long the listener listens (30)
@@ -7,7 +7,6 @@
 
 import json
 import os
-import signal
 import subprocess
 import sys
 import time
@@ -16,7 +15,7 @@ from pathlib import Path
 if __package__ is None:
     sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from host import parts
+from host import parts, program
 from host.flight import write_flight
 
 FOLDER = parts.ROOT / "build/demo"
@@ -83,7 +82,6 @@ def conclude(code, status):
 
 def main():
     seconds = wanted_seconds()
-    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))  # ends its parts, too
     FOLDER.mkdir(parents=True, exist_ok=True)
     for old in ("report.txt", "report.png", "figures.json", "receptions.jsonl"):
         (FOLDER / old).unlink(missing_ok=True)
@@ -99,16 +97,11 @@ def main():
         time.sleep(LEAD_S)
         if player.process.poll() is not None:
             raise RuntimeError(f"the flight can't be played: {player.log().strip()}")
-        code, status = listen(bench, seconds, f"make demo: {flight.name}")
+        code, status = listen(bench, seconds, f"make demo-host: {flight.name}")
     finally:
         bench.stop()
     return conclude(code, status)
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main())
-    except KeyboardInterrupt:
-        sys.exit(130)
-    except (TimeoutError, FileNotFoundError, RuntimeError) as error:
-        sys.exit(f"demo: {error}")
+    program.run("demo", main)
