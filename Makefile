@@ -23,7 +23,8 @@ endif
 
 # What the demo, the bench and the tests take from the command line. Handed over by env(1), not by
 # `export`: a shell that is bash counts SECONDS up.
-OPTIONS = $(foreach name,FLIGHT SECONDS TEST_DATA LOSS IMAGE KEYS,$(if $($(name)),$(name)='$($(name))'))
+OPTIONS = $(foreach name,FLIGHT SECONDS TEST_DATA LOSS KEYS,$(if $($(name)),$(name)='$($(name))')) \
+	$(if $(IMAGE),IMAGE=build/appliance/tested/disk.img)
 RUN = env $(OPTIONS) PYTHONPATH=tests PYTHONPYCACHEPREFIX=build/pycache \
 	build/venv/bin/python3
 
@@ -63,7 +64,7 @@ help:
 	@echo 'FLIGHT=<log>    the flight to play (default: the one in TEST_DATA, else a generated one)'
 	@echo 'SECONDS=<n>     how much of it the demo plays'
 	@echo 'TEST_DATA=<dir> where recorded flights and captures are (default: ../shared/data)'
-	@echo 'IMAGE=<disk>    another appliance than build/appliance/disk.img'
+	@echo 'IMAGE=<disk>    the release image for QEMU instead of the bench'\''s: build/image/qemu/images/disk.img'
 	@echo 'LOSS=<model>    receptions that the listener drops, for the edge of range'
 	@echo 'BOARD=qemu      the release image for QEMU instead of the CM4; DL_DIR=<dir> keeps its sources,'
 	@echo '                BUILDROOT_DIR=<dir> IMAGE_CONFIG=<file> IMAGE_OUT=<dir>: board/common/image.mk'
@@ -112,7 +113,7 @@ appliance: setup
 	@OPENDRONEID_DIR='$(OPENDRONEID)' MAVLINK_DIR='$(MAVLINK)' $(RUN) -m bench.image
 else
 appliance: setup
-	@test -r '$(IMAGE)' || { echo 'IMAGE=$(IMAGE) can not be read' >&2; exit 1; }
+	@$(RUN) -m bench.image --add-to '$(IMAGE)'
 endif
 
 # make image, source, legal, reproducible

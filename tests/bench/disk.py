@@ -11,7 +11,8 @@ from host import parts
 
 APPLIANCE = parts.ROOT / "build/appliance"
 IMAGE = Path(os.environ.get("IMAGE") or APPLIANCE / "disk.img")
-LOADER = APPLIANCE / "u-boot.bin"
+# Beside the disk lies the boot loader that belongs to it.
+LOADER = IMAGE.with_name("u-boot.bin")
 SECTOR = 512
 BOOT, CONFIG, ENV, SLOT_A, SLOT_B, DATA = 1, 2, 5, 6, 7, 8
 

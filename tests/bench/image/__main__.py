@@ -1,8 +1,10 @@
-"""python3 -m bench.image: builds build/appliance/{disk.img,u-boot.bin,manifest.json}.
+"""python3 -m bench.image: builds build/appliance/{disk.img,slot.img,u-boot.bin,manifest.json}.
+python3 -m bench.image --add-to IMAGE: the same in build/appliance/tested, out of a release image for QEMU.
 
 Called from the project's top folder. Prints a line for each step that had to be done.
 """
 
+import argparse
 import fcntl
 import json
 import os
@@ -12,8 +14,8 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from . import debian, disk, ours, programs, root
-from .steps import BUILD, BuildError, call, say, sha256
+from . import added, debian, disk, ours, programs, root
+from .steps import BUILD, CACHE, BuildError, call, say, sha256
 
 DAEMON = Path("package/odid-daemon")
 OPENDRONEID = Path(os.environ.get("OPENDRONEID_DIR") or "build/opendroneid")
@@ -85,25 +87,31 @@ def build():
 
 
 def main():
+    parser = argparse.ArgumentParser(prog="bench.image")
+    parser.add_argument("--add-to", metavar="IMAGE")
+    image = parser.parse_args().add_to
     BUILD.mkdir(parents=True, exist_ok=True)
     with open(BUILD / "lock", "w", encoding="utf-8") as alone:
         fcntl.flock(alone, fcntl.LOCK_EX)       # a second builder waits, and finds all done
-        make()
+        make(BUILD / "tested" if image else BUILD,
+             lambda: added.add_to(image, debian.indexes(debian.Apt().sources)) if image else build())
 
 
-def make():
+def make(place_in, products_of):
     try:
-        products = build()
-        listing = BUILD / "manifest.json"
+        place_in.mkdir(exist_ok=True)
+        products = products_of()
+        listing = place_in / "manifest.json"
         manifest = json.loads(listing.read_text(encoding="utf-8")) if listing.exists() else {}
         for name, path in products.items():
-            made_from = path.parent.name
-            if manifest.get(name, {}).get("made_from") == made_from and (BUILD / name).exists():
+            # A step's folder is named by what it was made from.
+            made_from = path.parent.name if CACHE in path.parents else sha256(path)
+            if manifest.get(name, {}).get("made_from") == made_from and (place_in / name).exists():
                 continue
-            place(path, BUILD / name)
+            place(path, place_in / name)
             manifest[name] = {"sha256": sha256(path), "made_from": made_from}
             listing.write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
-            say(f"{BUILD / name}")
+            say(f"{place_in / name}")
     except BuildError as error:
         sys.exit(f"image: {error}")
 

@@ -1,0 +1,88 @@
+"""A release image for QEMU with the bench's own additions in its slots: guest/, and Debian's tcpdump and
+wpa_supplicant. What is tested, kernel, programs, libraries, boot loader, stays as it was built.
+"""
+
+import json
+from pathlib import Path
+
+from . import debian, ours, root
+from .steps import BuildError, call, sha256, step
+
+SECTOR = 512
+SLOTS = (6, 7)
+# Of the packages in contents.toml.
+PROGRAMS = ("usr/bin/tcpdump", "usr/sbin/wpa_supplicant", "usr/sbin/wpa_cli")
+
+
+def places(image):
+    """{partition's number: (offset, size)} in octets."""
+    table = json.loads(call("sfdisk", "--json", image))["partitiontable"]
+    return {int(entry["node"].removeprefix(str(image))): (entry["start"] * SECTOR, entry["size"] * SECTOR)
+            for entry in table["partitions"]}
+
+
+def slot_of(image, out):
+    """The squashfs in slot a; its own head says how long it is."""
+    offset, _ = places(image)[SLOTS[0]]
+    with open(image, "rb") as file:
+        file.seek(offset)
+        head = file.read(96)
+        if head[:4] != b"hsqs":
+            raise BuildError(f"{image}: slot a holds no squashfs")
+        file.seek(offset)
+        Path(out).write_bytes(file.read((int.from_bytes(head[40:48], "little") + 4095) // 4096 * 4096))
+
+
+def put_libraries(tree, sysroot, programs):
+    """Those that the image doesn't have, into /lib."""
+    while programs:
+        added = []
+        for program, libraries in root.needed(programs).items():
+            for name in libraries:
+                if not any((tree / folder / name).exists() for folder in ("lib", "usr/lib")):
+                    added.append(root.put_library(tree, sysroot, name, program.relative_to(tree)))
+        programs = added
+
+
+@step
+def tested_root(out, image, sysroot, guest_programs, _hash):
+    """Release image's root and the bench's additions put together."""
+    slot_of(image, out.with_name("slot.part"))
+    out.rmdir()
+    call("unsquashfs", "-quiet", "-no-progress", "-dest", out, out.with_name("slot.part"))
+    out.with_name("slot.part").unlink()
+    root.put(root.GUEST / "root", out)
+    root.put(guest_programs / "hci-attach", out / "usr/sbin/hci-attach")
+    for name in PROGRAMS:
+        root.put(sysroot / name, out / name)
+    put_libraries(out, sysroot, [out / name for name in PROGRAMS])
+
+
+@step
+def tested_disk(out, image, slot, _hash):
+    """Release image's disk made, with that root in both slots."""
+    call("cp", "--sparse=always", image, out / "disk.img")
+    data = (slot / "slot.img").read_bytes()
+    with open(out / "disk.img", "r+b") as disk:
+        for number in SLOTS:
+            offset, size = places(image)[number]
+            if len(data) > size:
+                raise BuildError(f"{image}: with the bench's additions the slot has {len(data)} octets, "
+                                 f"and partition {number} has room for {size}")
+            disk.seek(offset)
+            disk.write(data)
+
+
+def add_to(image, indexes):
+    """{product's name: path} for a release image; its boot loader lies beside it."""
+    image = Path(image).resolve()
+    loader = image.with_name("u-boot.bin")
+    for path in (image, loader):
+        if not path.exists():
+            raise BuildError(f"{path} is missing: make image BOARD=qemu makes it")
+    sysroot = debian.sysroot(debian.packages(indexes, " ".join(root.contents()["packages"])))
+    guest = ours.guest_programs(root.GUEST, inputs=sorted(root.GUEST.glob("*.c")))
+    tree = tested_root(image, sysroot, guest, sha256(image), inputs=[root.GUEST / "root"])
+    slot = root.slot(tree, variant="_tested", inputs=[root.SEAL])
+    disk = tested_disk(image, slot, sha256(image))
+    return {"disk.img": disk / "disk.img", "slot.img": slot / "slot.img", "u-boot.bin": loader}
