@@ -198,8 +198,8 @@ def everything(machine):
 
 def load(machine):
     at = time.monotonic()
-    machine.must(f"(setsid {TOOL} hog 1000 12 </dev/null >/dev/null 2>&1 &)")
-    time.sleep(14)
+    machine.must(f"(setsid {TOOL} hog 1000 16 </dev/null >/dev/null 2>&1 &)")
+    time.sleep(18)
     kills = machine.must("dmesg | grep -c 'Out of memory'; true").strip()
     return Injected(at, problems=[] if int(kills) else ["memory did not run out"])
 
@@ -340,6 +340,6 @@ WITHOUT = (
     without("autopilot_replugged", "mdev", *service("mdev")),
     without("relay_sigkill", "its supervisor", *supervisor("mavlink-router")),
     without("load", "memory kept for what runs",
-            "echo n >/sys/kernel/mm/lru_gen/enabled; echo 0 >/sys/kernel/mm/lru_gen/min_ttl_ms",
-            "echo y >/sys/kernel/mm/lru_gen/enabled; echo 1000 >/sys/kernel/mm/lru_gen/min_ttl_ms"),
+            "echo 0 >/sys/kernel/mm/lru_gen/min_ttl_ms; echo 0 >/sys/fs/cgroup/appliance/memory.min",
+            "echo 1000 >/sys/kernel/mm/lru_gen/min_ttl_ms; echo 64M >/sys/fs/cgroup/appliance/memory.min"),
 )
