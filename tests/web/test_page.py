@@ -68,7 +68,7 @@ def bundle(appliance, size=12_000_000, name="odid-cm4-1.5.0.swu"):
 
 def test_a_wrong_password_is_said_and_the_right_one_opens(browse):
     browser = browse(login=False)
-    assert browser.page.evaluate("document.activeElement.id") == "password"
+    browser.page.wait_for_function("document.activeElement.id === 'password'")
     browser.give_password("not the password")
     browser.sees("#login-said", "That is not the maintenance password")
     picture(browser, "password")
