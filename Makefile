@@ -54,6 +54,7 @@ help:
 	@echo 'make image      the release image: build/image/cm4/release (docs/building.md)'
 	@echo 'make source     fetches all that building it needs, to build without a network'
 	@echo 'make legal      licences and sources as they have to be passed on with an image'
+	@echo 'make test-image tests what make image has built, and boots the CM4'\''s in QEMU'
 	@echo 'make reproducible  builds the image twice and compares every file'
 	@echo 'make bundle     a signed update of that disk'\''s system: build/bundle'
 	@echo 'make check      formatting, shell scripts, man pages, Python'

@@ -56,7 +56,7 @@ sbom = @$(BUILDROOT_MAKE) -s show-info | env PYTHONHASHSEED=0 BR2_DL_DIR=$(abspa
 changed-recipes = $(if $(wildcard $(IMAGE_OUT)/built),$(addsuffix -dirclean,$(filter-out odid-daemon,\
 	$(shell find br2-external/package/*/ -newer $(IMAGE_OUT)/built -type f | cut -d / -f 3 | sort -u))))
 
-.PHONY: image source legal reproducible image-host
+.PHONY: image source legal reproducible test-image image-host
 image: keys $(IMAGE_OUT)/defconfig
 	@touch $(IMAGE_OUT)/building
 	$(call buildroot,build,$(changed-recipes) odid-daemon-rebuild all)
@@ -82,6 +82,11 @@ reproducible: image
 	@rm -rf $(IMAGE_AGAIN)
 	@$(MAKE) --no-print-directory image IMAGE_OUT=$(IMAGE_AGAIN)
 	@board/common/compare-images.sh $(IMAGE_OUT) $(IMAGE_AGAIN)
+
+# What is in the built images, and the Compute Module's booted as far as QEMU can.
+test-image: setup
+	@tests/setup/qemu-raspi.sh
+	@$(RUN) -m pytest tests/image -o cache_dir=build/pytest -ra
 
 # Kept when nothing in it is new: Buildroot goes on where it was.
 $(IMAGE_OUT)/defconfig: configs/odid_$(BOARD)_defconfig $(IMAGE_CONFIG) | image-host $(BUILDROOT_DIR)/Makefile

@@ -1,0 +1,194 @@
+"""What a built release image holds, and what it doesn't."""
+
+import json
+import os
+import re
+import stat
+import subprocess
+import time
+from collections import defaultdict
+
+import pytest
+
+from .conftest import TOP, call
+
+MB = 1_000_000
+ROOT_MAX, SLOT_MAX = 10 * MB, 16 * MB
+# Nobody needs what isn't here; a new line needs a reason.
+SET_USER_ID: set[str] = set()
+ELSEWHERE = {
+    "compilers": r"/(gcc|cc|g\+\+|c\+\+|clang|ld|as|make|gdb)$|/lib/gcc/",
+    "interpreters": r"/(python\d?|perl|lua|tclsh|ruby|php)[\d.]*$",
+    "package managers": r"/(opkg|dpkg|apt|rpm|apk)$",
+    "other inits and desktops": r"/(systemd|dbus-daemon|bluetoothd|NetworkManager|wpa_supplicant)$",
+    "headers and manuals": r"\.(h|a|la|pc)$|/share/(man|doc|info|locale)/|/include/",
+    "histories": r"/\.(ash|bash)_history$|/\.viminfo$",
+    "the bench": r"hci-attach|S05bench|/tcpdump$|hwsim",
+}
+
+
+def figures(board, **values):
+    """Added to build/image/figures.json."""
+    path = TOP / "build/image/figures.json"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    known = json.loads(path.read_text()) if path.exists() else {}
+    known.update({f"{board}_{name}": value for name, value in values.items()})
+    known["commit"] = call("git", "-C", TOP, "rev-parse", "HEAD").strip()
+    known["date"] = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
+    path.write_text(json.dumps(known, indent=1) + "\n")
+
+
+def test_sizes(image, tmp_path):
+    """Root without kernel, device tree and modules; and the whole slot."""
+    call("mksquashfs", image.root, tmp_path / "root", "-comp", "zstd", "-Xcompression-level", "22", "-b", "256K", "-no-xattrs",
+         "-quiet", "-no-progress", "-wildcards", "-e", "boot/*", "lib/modules/*", "lib/firmware/*")
+    root, slot = (tmp_path / "root").stat().st_size, (image.images / "slot.img").stat().st_size
+    unpacked = sum(path.stat().st_size for path in image.files())
+    figures(image.board, root_octets=root, slot_octets=slot, unpacked_octets=unpacked,
+            kernel_octets=(image.root / "boot/Image").stat().st_size,
+            release_octets=sum(path.stat().st_size for path in (image.out / "release").glob("*.img.xz")))
+    assert root <= ROOT_MAX and slot <= SLOT_MAX
+
+
+@pytest.mark.parametrize("what", ELSEWHERE)
+def test_what_an_aircraft_has_no_use_for(image, what):
+    found = [image.name(path) for path in sorted(image.root.rglob("*")) if re.search(ELSEWHERE[what], image.name(path))]
+    if image.board == "qemu":           # its kernel has the emulated radios
+        found = [name for name in found if not name.startswith("/lib/modules/")]
+    assert not found
+
+
+def test_owners_and_modes(image):
+    set_id, open_to_all, strange = set(), set(), set()
+    users = {int(line.split(":")[2]) for line in (image.root / "etc/passwd").read_text().splitlines()}
+    for path in [image.root, *image.root.rglob("*")]:
+        entry = path.lstat()
+        if entry.st_mode & (stat.S_ISUID | stat.S_ISGID):
+            set_id.add(image.name(path))
+        if not stat.S_ISLNK(entry.st_mode) and entry.st_mode & stat.S_IWOTH and not entry.st_mode & stat.S_ISVTX:
+            if not stat.S_ISCHR(entry.st_mode):
+                open_to_all.add(image.name(path))
+        if entry.st_uid not in users:
+            strange.add(image.name(path))
+        assert "security.capability" not in os.listxattr(path, follow_symlinks=False), path
+    assert set_id == SET_USER_ID and not open_to_all and not strange
+
+
+def test_nobody_has_a_password(image):
+    for line in (image.root / "etc/shadow").read_text().splitlines():
+        name, password = line.split(":")[:2]
+        assert re.match(r"[*!]", password), f"{name} has a password, or none is asked for"
+    assert (image.root / "etc/shadow").stat().st_mode & 0o077 == 0
+    names = [line.split(":")[0] for line in (image.root / "etc/passwd").read_text().splitlines()]
+    wanted = [line.split()[0] for line in (TOP / "board/common/users.txt").read_text().splitlines()
+              if line and not line.startswith("#")]
+    assert sorted(names) == sorted(["root", "nobody", *wanted])
+
+
+def test_overlay_is_there_as_it_is(image):
+    for path in sorted((TOP / "overlay").rglob("*")):
+        there = image.root / path.relative_to(TOP / "overlay")
+        if path.is_symlink():
+            assert os.readlink(there) == os.readlink(path)
+        elif path.is_file() and path.name not in ("odid-release", "inittab"):
+            assert there.read_bytes() == path.read_bytes(), path
+            assert there.stat().st_mode & 0o111 == path.stat().st_mode & 0o111, path
+    assert sorted(path.name for path in (image.root / "etc/init.d").iterdir()) == sorted(
+        path.name for path in (TOP / "overlay/etc/init.d").iterdir())
+
+
+def test_every_library_that_is_needed_is_there(image):
+    needed, has = defaultdict(list), {path.name for path in image.root.rglob("*.so*")}
+    for path in image.files():
+        with path.open("rb") as file:
+            if file.read(4) != b"\x7fELF" or path.suffix == ".ko":
+                continue
+        for name in re.findall(r"\(NEEDED\).*\[(.+)\]", call("readelf", "-dW", path)):
+            needed[name].append(image.name(path))
+    assert {name: programs for name, programs in needed.items() if name not in has} == {}
+
+
+def test_programs_are_hardened(image):
+    """Position independent, read-only relocations, a stack that isn't executed."""
+    lost = defaultdict(list)
+    for path in image.files():
+        with path.open("rb") as file:
+            if file.read(4) != b"\x7fELF" or path.suffix == ".ko" or not path.stat().st_mode & 0o111:
+                continue
+        text = call("readelf", "-hldW", path)
+        if not re.search(r"Type: +DYN", text) and path.name != "busybox":
+            lost["fixed address"].append(image.name(path))
+        if "GNU_RELRO" not in text and path.name != "busybox":
+            lost["relocations can be written"].append(image.name(path))
+        if re.search(r"GNU_STACK .* RWE", text):
+            lost["stack is executed"].append(image.name(path))
+        if re.search(r"\((RPATH|RUNPATH)\)", text):
+            lost["has a search path"].append(image.name(path))
+    assert lost == {}
+
+
+def test_nothing_tells_where_it_was_built(image):
+    folders = {str(image.out), str(TOP), str(image.out / "host")}
+    found = [image.name(path) for path in image.files()
+             if any(folder.encode() in path.read_bytes() for folder in folders)]
+    assert not found
+
+
+def test_the_release_is_complete(image):
+    release = image.out / "release"
+    if not release.exists():
+        pytest.skip("not packed: make image")
+    call("sh", "-c", f"cd '{release}' && sha256sum --quiet -c SHA256SUMS")
+    bill = json.loads(next(release.glob("*.sbom.json")).read_text())
+    names = {component["name"] for component in bill["components"]}
+    assert {"linux", "busybox", "odid-daemon", "hostapd-odid", "mavlink-router", "swupdate"} <= names
+    without = [component["name"] for component in bill["components"]
+               if not component.get("licenses") and not component["name"].startswith(("host-", "skeleton", "toolchain"))]
+    assert set(without) <= {"initscripts", "ifupdown-scripts"}, "parts whose licence isn't said"
+    assert len(list((release / "licences").iterdir())) > 20
+
+
+# --- the Compute Module ----------------------------------------------------------------
+
+
+@pytest.fixture(name="cm4")
+def compute_module(image):
+    if image.board != "cm4":
+        pytest.skip("of the Compute Module only")
+    return image
+
+
+def module(image, name):
+    (found,) = image.root.glob(f"lib/modules/*/kernel/**/{name}.ko*")
+    return found.read_bytes()
+
+
+def test_radio_firmware_has_the_names_that_drivers_ask_for(cm4):
+    folder = cm4.root / "lib/firmware"
+    # brcmfmac puts the chip's name before the kind; btbcm the chip's own name before .hcd.
+    assert b"brcm/brcmfmac43455-sdio" in module(cm4, "brcmfmac")
+    assert b"BCM4345C0" in module(cm4, "btbcm") and b"brcm/%s" in module(cm4, "btbcm")
+    for name in ("regulatory.db", "regulatory.db.p7s"):
+        assert name.encode() in module(cm4, "cfg80211")
+    for name in ("brcm/brcmfmac43455-sdio.bin", "brcm/brcmfmac43455-sdio.clm_blob", "brcm/brcmfmac43455-sdio.txt",
+                 "brcm/BCM4345C0.hcd", "regulatory.db", "regulatory.db.p7s"):
+        assert (folder / name).stat().st_size > 0, name
+    listed = (TOP / "board/cm4/firmware-files").read_text()
+    assert {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()} == {
+        line for line in listed.splitlines() if line and not line.startswith("#")}
+
+
+def test_the_board_script_s_paths_are_in_the_device_tree(cm4):
+    tree = cm4.root / "boot/board.dtb"
+    paths = set(re.findall(r"/(?:soc|scb)/[\w@/,-]+", (TOP / "board/cm4/board.cmd").read_text()))
+    assert len(paths) >= 12
+    for path in paths:
+        assert subprocess.run(["fdtget", "-p", tree, path], capture_output=True, check=False).returncode == 0, path
+    for alias, path in {"mmc0": "/emmc2bus/mmc@7e340000", "serial3": "/soc/serial@7e201600",
+                        "ethernet0": "/scb/ethernet@7d580000", "bluetooth": "/soc/serial@7e201000/bluetooth"}.items():
+        assert call("fdtget", tree, "/aliases", alias).strip() == path
+    assert "stdout-path" not in call("fdtget", "-p", tree, "/chosen")
+
+
+def test_boot_volume_and_slot_have_the_same_device_tree(cm4):
+    assert (cm4.images / "odid-cm4.dtb").read_bytes() == (cm4.root / "boot/board.dtb").read_bytes()

@@ -1,0 +1,101 @@
+"""The Compute Module's own image in QEMU's machine raspi4b: its U-Boot, environment, boot script, kernel
+and device tree, root from its own partitions, as far as init and a daemon that reports its missing
+radios.
+
+Not covered (docs/hardware-checklist.md): the firmware before U-Boot, whose part QEMU plays with the tree
+that it is given; radios, USB, PCIe, Ethernet, which that machine doesn't have.
+"""
+
+import re
+import shutil
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+
+from .conftest import TOP, call, out_of
+from .test_image import figures
+
+QEMU = TOP / "build/qemu-raspi/usr/bin/qemu-system-aarch64"
+BOOT, ENV = 1, 5
+CARD_OCTETS = 512 << 20         # the emulated controller wants a power of two
+TIMEOUT_S = 400                 # its card reads 1 MB/s
+SERIAL = "10000000a1b2c3d4"
+# What the firmware would have done to the tree, and one thing for the machine: its card is in the other slot.
+FIRMWARE = [
+    ("-t", "s", "/aliases", "mmc0", "/soc/mmc@7e300000"), ("-t", "s", "/aliases", "mmc1", "/emmc2bus/mmc@7e340000"),
+    ("-t", "s", "/chosen", "stdout-path", "serial1:115200n8"), ("-t", "s", "/soc/serial@7e215040", "status", "okay"),
+    ("-t", "s", "/", "serial-number", SERIAL),
+    ("-t", "bx", "/soc/serial@7e201000/bluetooth", "local-bd-address", "1", "2", "3", "32", "a6", "dc"),
+]
+
+
+class Raspi:
+    def __init__(self, out, folder):
+        self.out, self.folder, self.card = out, folder, folder / "card.img"
+        call("cp", "--sparse=always", out / "images/disk.img", self.card)
+        with open(self.card, "r+b") as card:
+            card.truncate(CARD_OCTETS)
+        table = call("sfdisk", "--dump", self.card)
+        self.starts = {int(number): int(start) * 512 for number, start in
+                       re.findall(r"card\.img(\d+) : start= *(\d+)", table)}
+        self.tree = folder / "firmware.dtb"
+        shutil.copy(out / "images/odid-cm4.dtb", self.tree)
+        for kind, what, node, name, *values in FIRMWARE:
+            call("fdtput", kind, what, self.tree, node, name, *values)
+
+    def set_variables(self, **variables):
+        text = (TOP / "board/cm4/u-boot.env").read_text()
+        (self.folder / "env").write_text(text + "".join(f"{name}={value}\n" for name, value in variables.items()))
+        for name in ("uboot.env", "uboot-redund.env"):
+            call("mkenvimage", "-r", "-s", "0x4000", "-o", self.folder / name, self.folder / "env")
+            call("mcopy", "-o", "-i", f"{self.card}@@{self.starts[ENV]}", self.folder / name, f"::{name}")
+
+    def boot(self, until):
+        """The console's text up to a pattern, and how long it took."""
+        console = self.folder / "console"
+        console.unlink(missing_ok=True)
+        begun = time.monotonic()
+        qemu = subprocess.Popen(
+            [QEMU, "-M", "raspi4b", "-smp", "4", "-display", "none", "-kernel", self.out / "images/u-boot.bin",
+             "-dtb", self.tree, "-drive", f"if=sd,format=raw,file={self.card}", "-serial", "null",
+             "-chardev", f"file,id=console,path={console}", "-serial", "chardev:console", "-no-reboot"],
+            stdin=subprocess.DEVNULL)
+        try:
+            text = ""
+            while time.monotonic() - begun < TIMEOUT_S:
+                text = console.read_text(errors="replace").replace("\r", "") if console.exists() else ""
+                if all(re.search(pattern, text) for pattern in until):
+                    return text, time.monotonic() - begun
+                if "Kernel panic" in text or qemu.poll() is not None:
+                    break
+                time.sleep(0.5)
+            lost = [pattern for pattern in until if not re.search(pattern, text)]
+            raise AssertionError(f"not on the console: {lost}\n{text[-6000:]}")
+        finally:
+            qemu.kill()
+            qemu.wait()
+
+
+@pytest.fixture(name="raspi")
+def machine(tmp_path):
+    out = out_of("cm4")
+    if out is None or not (out / "images/disk.img").exists():
+        pytest.skip("no image for cm4 is built: make image")
+    if not QEMU.exists():
+        pytest.skip("no QEMU with the machine raspi4b: tests/setup/qemu-raspi.sh")
+    one = Raspi(out, tmp_path)
+    yield one
+    one.card.unlink()           # pytest keeps folders of the last runs
+
+
+def test_the_image_boots(raspi):
+    raspi.set_variables(board_console="uart1")
+    text, seconds = raspi.boot(["odid: boot: services", r"odid-daemon"])
+    (Path(TOP) / "build/image/raspi4b.log").write_text(text)
+    figures("cm4", raspi4b_boot_s=round(seconds, 1))
+    line = re.search(r"Kernel command line: (.*)", text)[1]
+    assert "odid.slot=a" in line and "root=PARTUUID=0d1d2024-06" in line and "console=ttyS1,115200" in line
+    assert "odid.fallback" not in line
+    assert "Run /sbin/init as init process" in text
