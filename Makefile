@@ -191,7 +191,7 @@ define test-levels
 	--output-junit $(CURDIR)/build/test/unit.xml || $(call left,unit)
 @$(RUN) tests/levels/fuzz.py --seconds $(FUZZ_SECONDS) --jobs $(JOBS) \
 	--junit build/test/fuzz.xml || $(call left,fuzz)
-@$(RUN) -m pytest tests --ignore=tests/bench $(PYTEST) --junit-xml=build/test/host.xml || \
+@$(RUN) -m pytest tests --ignore=tests/bench --ignore=tests/image $(PYTEST) --junit-xml=build/test/host.xml || \
 	$(call left,host)
 @$(RUN) -m pytest tests/bench $(PYTEST) --junit-xml=build/test/system.xml || $(call left,system)
 endef
