@@ -118,6 +118,7 @@ def replugged(machine):
     """Something still has the old node open, so the adapter comes back under another number."""
     old = machine.must("ls /dev/ttyUSB*").split()
     machine.must(f"(setsid sleep 30 2>/dev/null >/dev/null <{old[0]} &)")
+    time.sleep(1)  # until it has it open
     at = time.monotonic()
     machine.unplug()
     machine.wait_inside("the port to vanish", f"[ ! -e {old[0]} ]")
