@@ -91,7 +91,7 @@ if test -e ${disk}:${part} /boot/board.scr; then
     load ${disk}:${part} ${scriptaddr} /boot/board.scr && source ${scriptaddr};
 fi;
 part uuid ${disk}:${part} partuuid;
-setenv bootargs root=PARTUUID=${partuuid} ro rootfstype=squashfs rootwait panic=5 console=${console} odid.slot=${try};
+setenv bootargs root=PARTUUID=${partuuid} ro rootfstype=squashfs rootwait panic=5 console=${console} ${board_bootargs} odid.slot=${try};
 if test -n "${fallback}"; then setenv bootargs ${bootargs} odid.fallback=${fallback}; fi;
 if test -n "${mark}"; then fdt addr ${fdt} && fdt rsvmem add ${mark} 1000; fi;
 load ${disk}:${part} ${kernel_addr_r} /boot/Image && booti ${kernel_addr_r} ${initrd} ${fdt}'

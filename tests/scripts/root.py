@@ -15,7 +15,7 @@ SETTINGS = {
 }
 ODIDCTL = """#!/bin/sh
 case $1 in
-get) sed -n "s/^$2=//p" /settings ;;
+get) shift && for name; do sed -n "s/^$name=//p" /settings; done ;;
 status) cat /status.json ;;
 esac
 """

@@ -234,6 +234,18 @@ def test_one_that_keeps_failing_is_a_fault_and_started_less_often(appliance):
     assert [pause for pause in pauses if pause != 15] == [1, 2, 3, 4, 5, 5]
 
 
+@pytest.mark.parametrize("stays", [False, True])
+def test_without_its_port_mavlink_router_is_not_tried_again(appliance, stays):
+    """Its node is taken away a moment after mavlink-router has noticed."""
+    appliance.write("run/mavlink-router.port", "/dev/ttyUSB0\n")
+    appliance.write("dev/ttyUSB0", "")
+    vanish = "true" if stays else "(usleep 100000; rm /dev/ttyUSB0) &"
+    appliance.must(f"mkdir -p /run/service/mavlink-router/supervise; cd /run/service/mavlink-router; {vanish}\n"
+                   "/lib/odid/finish 1 0 2>/dev/null; [ -e supervise/control ] || : >supervise/control")
+    assert appliance.read("run/service/mavlink-router/supervise/control") == ("" if stays else "d")
+    assert ("unplugged" in (appliance.fault("autopilot") or "")) != stays
+
+
 def test_an_orphan_is_taken_over_and_a_stranger_with_its_number_is_not(appliance):
     take_over = ". /lib/odid/functions && take_over test"
     orphan = subprocess.Popen(appliance.words(f"{take_over}; exec sleep 100"))

@@ -53,7 +53,8 @@ void odidctl_set_fault(const char *directory, const char *name, const char *sent
 
 /* ---- get, set ---- */
 
-int odidctl_get(const struct odidctl_places *places, const char *name);
+/* names: SECTION.KEY each, ended by NULL. Prints nothing when there is an unknown one. */
+int odidctl_get(const struct odidctl_places *places, char *const names[]);
 
 /* value is cleared once it was read: it lies open in the process list. */
 int odidctl_set(const struct odidctl_places *places, const char *name, char *value);

@@ -19,7 +19,7 @@ static const char usage[] =
     "  odidctl flights [N] [--json]      was it on the air the whole flight? one line a power-on,\n"
     "                                    newest first; record N in detail\n"
     "  odidctl check FILE                what is wrong in a configuration file\n"
-    "  odidctl get SECTION.KEY           the value in force, such as wifi.channel\n"
+    "  odidctl get SECTION.KEY...        the values in force, such as wifi.channel's, one a line\n"
     "  odidctl set SECTION.KEY VALUE     changes it, unless it is wrong\n"
     "  odidctl import DIR                takes over DIR/odid.conf and DIR/authorized_keys\n"
     "  odidctl maintenance on|off        opens the access point to the technician, or closes it\n"
@@ -91,7 +91,7 @@ static int run_check(char *const words[])
 
 static int run_get(char *const words[])
 {
-    return odidctl_get(&self.places, words[1]);
+    return odidctl_get(&self.places, words + 1);
 }
 
 static int run_set(char *const words[])
@@ -118,7 +118,7 @@ static int run_update(char *const words[])
     return odidctl_update(&self.places, words[1]);
 }
 
-#define WORDS_MAX 3
+#define WORDS_MAX 12
 
 static const struct command {
     const char *name;
@@ -130,7 +130,7 @@ static const struct command {
     {"watch", 1, 1, "watch takes no words", run_watch},
     {"flights", 1, 2, "flights takes at most one number", run_flights},
     {"check", 2, 2, "check needs one FILE", run_check},
-    {"get", 2, 2, "get needs one SECTION.KEY", run_get},
+    {"get", 2, WORDS_MAX, "get needs at least one SECTION.KEY, and takes up to 11", run_get},
     {"set", 3, 3, "set needs SECTION.KEY and VALUE; quote a value with blanks", run_set},
     {"import", 2, 2, "import needs one DIR", run_import},
     {"maintenance", 2, 2, "maintenance needs \"on\" or \"off\"", run_maintenance},

@@ -138,31 +138,41 @@ static void read_config(struct config *config, const char *text, size_t length,
 
 /* ---- get ---- */
 
-int odidctl_get(const struct odidctl_places *places, const char *name)
+static void print_value(const struct config_key *key, const struct config *config, const char *data)
+{
+    char shown[2 * CONFIG_PATH_SIZE];
+
+    if (!config_key_is_secret(key)) {
+        config_key_show(key, config, shown, sizeof(shown));
+        puts(shown);
+    } else if (config->maintenance_password[0] != '\0' || odidctl_password_known(data)) {
+        puts("set");
+    } else {
+        puts("unset");
+    }
+}
+
+int odidctl_get(const struct odidctl_places *places, char *const names[])
 {
     static struct sentences ignored;
-    const struct config_key *key = find_key(name);
-    char path[ODIDCTL_PATH_SIZE], shown[2 * CONFIG_PATH_SIZE];
+    char path[ODIDCTL_PATH_SIZE];
     struct config config;
     char *text;
     size_t length = 0;
 
-    if (key == NULL) {
-        return ODIDCTL_USAGE;
+    for (size_t i = 0; names[i] != NULL; i++) {
+        if (find_key(names[i]) == NULL) {
+            return ODIDCTL_USAGE;
+        }
     }
     odidctl_config_path(places, path);
     text = read_text(path, &length); /* unreadable: the defaults are in force */
     read_config(&config, text, length, &ignored);
     free_text(text, length);
-    if (config_key_is_secret(key)) {
-        bool set = config.maintenance_password[0] != '\0' || odidctl_password_known(places->data);
-
-        snprintf(shown, sizeof(shown), "%s", set ? "set" : "unset");
-    } else {
-        config_key_show(key, &config, shown, sizeof(shown));
+    for (size_t i = 0; names[i] != NULL; i++) {
+        print_value(find_key(names[i]), &config, places->data);
     }
     explicit_bzero(config.maintenance_password, sizeof(config.maintenance_password));
-    puts(shown);
     return fflush(stdout) == 0 ? ODIDCTL_GOOD : ODIDCTL_NOT_GOOD;
 }
 

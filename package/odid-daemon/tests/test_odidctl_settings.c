@@ -40,6 +40,16 @@ static void values_in_force(void **state)
     assert_string_equal(said, "FI\n");
 }
 
+static void several_values_in_their_order(void **state)
+{
+    (void)state;
+    put(CONF, BEGIN);
+    assert_int_equal(CALL("get", "wifi.channel", "basic_id.uas_id", "wifi.country"), 0);
+    assert_string_equal(said, "6\n\nNO\n");
+    assert_int_equal(CALL("get", "wifi.country", "wifi.chanel"), 2);
+    assert_null(strstr(said, "NO\n"));
+}
+
 static void unknown_keys(void **state)
 {
     (void)state;
@@ -255,6 +265,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         TEST(values_in_force),
+        TEST(several_values_in_their_order),
         TEST(unknown_keys),
         TEST(secrets_are_not_printed),
         TEST(a_value_is_set),
