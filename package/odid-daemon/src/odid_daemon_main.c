@@ -18,6 +18,7 @@
 #include "alive.h"
 #include "bluetooth.h"
 #include "health.h"
+#include "kept.h"
 #include "link.h"
 #include "log.h"
 #include "loop.h"
@@ -29,7 +30,6 @@
 #include "sandbox.h"
 #include "schedule.h"
 #include "status.h"
-#include "takeoff_file.h"
 #include "telemetry.h"
 #include "wifi_beacon.h"
 
@@ -59,7 +59,7 @@ static struct {
     struct messages_counter extended_counter, beacon_counter;
     struct pilot pilot;
     struct status_lateness lateness;
-    struct aircraft_takeoff stored_takeoff;
+    struct kept kept; /* as it is in its file */
     struct loop_timer slot, look;
     struct loop_watch signals;
     int64_t start_us, look_us, tell_us, ask_us, ask_wait_us;
@@ -210,20 +210,23 @@ static void ask_for_positions(const struct aircraft_condition *condition, uint8_
     self.ask_wait_us *= self.ask_wait_us < ASK_AGAIN_MAX_US ? 2 : 1;
 }
 
-/* For a restart in flight only: that of a flight that ended must not pass for the next one's. */
-static void keep_takeoff(bool armed)
+/* The take-off point for a restart in flight only: that of a flight that ended must not pass for
+ * the next one's. */
+static void keep(uint8_t vehicle, bool armed)
 {
     static const struct aircraft_takeoff none;
     const struct aircraft_takeoff *takeoff = armed ? aircraft_takeoff(self.aircraft) : &none;
     int result;
 
-    if (memcmp(takeoff, &self.stored_takeoff, sizeof(*takeoff)) == 0) {
+    if (vehicle == self.kept.vehicle &&
+        memcmp(takeoff, &self.kept.takeoff, sizeof(*takeoff)) == 0) {
         return;
     }
-    self.stored_takeoff = *takeoff;
-    result = takeoff_file_write(config()->run_dir, takeoff);
+    self.kept.vehicle = vehicle;
+    self.kept.takeoff = *takeoff;
+    result = kept_write(config()->run_dir, &self.kept);
     if (result < 0) {
-        log_warning("can't keep the take-off point over a restart: %s/takeoff: %s",
+        log_warning("can't keep vehicle and take-off point over a restart: %s/kept: %s",
                     config()->run_dir, strerror(-result));
     }
 }
@@ -248,15 +251,16 @@ static void on_look(void *context, int64_t now_us)
     uint8_t vehicle = telemetry_vehicle(self.telemetry);
 
     (void)context;
-    if (vehicle != 0) {
+    /* Not before the first HEARTBEAT: the pilot would be told that none came, and it decides
+     * whether the kept take-off point counts. */
+    if (telemetry_heartbeat_us(self.telemetry) != INT64_MIN) {
         judge(&input, &health, &view, &condition, now_us);
         tell(vehicle, health_reason(&health), now_us);
         for (enum channel channel = 0; channel < CHANNELS; channel++) {
             pilot_channel(&self.pilot, vehicle, channel, &self.radios[channel], now_us);
         }
         ask_for_positions(&condition, vehicle, now_us);
-        keep_takeoff(condition.armed); /* not before the first HEARTBEAT: it decides whether the
-                                          kept one counts */
+        keep(vehicle, condition.armed);
     }
     self.look_us += LOOK_US;
     if (self.look_us <= now_us) {
@@ -293,15 +297,13 @@ static void make_run_dir(void)
 
 static void start_modules(int64_t now_us)
 {
-    struct aircraft_takeoff takeoff;
-
     self.start_us = self.look_us = self.ask_us = now_us;
     self.ask_wait_us = ASK_AGAIN_US;
     self.telemetry = telemetry_init(on_update, NULL);
     self.aircraft = aircraft_init(config(), now_us);
-    takeoff_file_read(config()->run_dir, &takeoff);
-    self.stored_takeoff = takeoff;
-    aircraft_restore_takeoff(self.aircraft, &takeoff);
+    kept_read(config()->run_dir, &self.kept);
+    telemetry_expect(self.telemetry, self.kept.vehicle, now_us);
+    aircraft_restore_takeoff(self.aircraft, &self.kept.takeoff);
     pilot_init(&self.pilot, send_to_vehicle, NULL);
     status_start(config()->run_dir, gather, NULL);
     rfkill_start(now_us);

@@ -9,6 +9,7 @@
 
 /* A vehicle that was silent for this long may be another one: a changed SYSID, another aircraft. */
 #define VEHICLE_FORGOTTEN_US 10000000
+#define VEHICLE_EXPECTED_US 3000000 /* three of its HEARTBEATs */
 
 struct stream {
     mavlink_message_t message; /* as far as parsed */
@@ -26,6 +27,7 @@ struct telemetry {
     uint8_t vehicle; /* system id, 0 = none yet */
     int vehicle_stream;
     int64_t heartbeat_us;
+    int64_t vehicle_until_us;         /* no other system is the vehicle until then */
     uint8_t ground_stations[256 / 8]; /* system ids that sent a ground station's HEARTBEAT */
 };
 
@@ -39,6 +41,12 @@ struct telemetry *telemetry_init(telemetry_fn *deliver, void *context)
     telemetry.vehicle_stream = -1;
     telemetry.heartbeat_us = INT64_MIN;
     return &telemetry;
+}
+
+void telemetry_expect(struct telemetry *telemetry, uint8_t vehicle, int64_t now_us)
+{
+    telemetry->vehicle = vehicle;
+    telemetry->vehicle_until_us = now_us + VEHICLE_EXPECTED_US;
 }
 
 static double degrees(int32_t deg_e7)
@@ -209,7 +217,7 @@ static void take_heartbeat(struct telemetry *telemetry, const mavlink_message_t 
         return;
     }
     if (message->sysid != telemetry->vehicle) {
-        if (telemetry->vehicle != 0 && now_us - telemetry->heartbeat_us < VEHICLE_FORGOTTEN_US) {
+        if (telemetry->vehicle != 0 && now_us < telemetry->vehicle_until_us) {
             telemetry->counters.other_system++;
             return;
         }
@@ -217,6 +225,7 @@ static void take_heartbeat(struct telemetry *telemetry, const mavlink_message_t 
         telemetry->vehicle = message->sysid;
     }
     telemetry->heartbeat_us = now_us;
+    telemetry->vehicle_until_us = now_us + VEHICLE_FORGOTTEN_US;
     telemetry->counters.frames++;
     update.heartbeat.mav_type = heartbeat.type;
     update.heartbeat.autopilot = heartbeat.autopilot;

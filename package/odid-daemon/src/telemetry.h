@@ -122,12 +122,17 @@ struct telemetry *telemetry_init(telemetry_fn *deliver, void *context);
 void telemetry_receive(struct telemetry *telemetry, unsigned stream, const uint8_t *bytes,
                        size_t length, int64_t now_us);
 
+/* Before a restart of ours the vehicle was this one (0: unknown): its telemetry counts from now on,
+ * before its HEARTBEAT. */
+void telemetry_expect(struct telemetry *telemetry, uint8_t vehicle, int64_t now_us);
+
 /* Forgets a half-received frame: the stream's device or sender is another one now. */
 void telemetry_reset_stream(struct telemetry *telemetry, unsigned stream);
 
 /*
  * The vehicle is the first system whose autopilot (component 1) sent a
- * HEARTBEAT; another one takes its place only after 10 s of silence.
+ * HEARTBEAT; another one takes its place only after 10 s of silence, and that
+ * of an expected one after 3 s.
  * Returns its system id, 0 while none is known.
  */
 uint8_t telemetry_vehicle(const struct telemetry *telemetry);

@@ -348,6 +348,23 @@ static void the_vehicles_other_components_say_nothing_of_its_state(void **state)
     assert_int_equal(feed(some_position(OTHER_VEHICLE, AUTOPILOT)), 0);
 }
 
+static void the_vehicle_of_before_a_restart_counts_before_its_heartbeat(void **state)
+{
+    (void)state;
+    begin();
+    telemetry_expect(telemetry, VEHICLE, now_us);
+    assert_int_equal(telemetry_vehicle(telemetry), VEHICLE);
+    assert_true(telemetry_heartbeat_us(telemetry) == INT64_MIN);
+    assert_int_equal(feed(some_position(VEHICLE, AUTOPILOT)), 1);
+    assert_int_equal(feed(some_position(VEHICLE + 1, AUTOPILOT)), 0);
+    now_us += 2900000;
+    assert_int_equal(feed(autopilot_heartbeat(VEHICLE + 1)), 0);
+    now_us += 200000; /* it is not there any more */
+    assert_int_equal(feed(autopilot_heartbeat(VEHICLE + 1)), 1);
+    assert_true(latest()->heartbeat.new_vehicle);
+    assert_int_equal(telemetry_vehicle(telemetry), VEHICLE + 1);
+}
+
 static void another_vehicle_waits_for_10_s_of_silence(void **state)
 {
     (void)state;
@@ -413,6 +430,7 @@ int main(void)
         cmocka_unit_test_setup(only_an_autopilot_makes_a_vehicle, setup),
         cmocka_unit_test_setup(a_component_type_makes_no_vehicle, setup),
         cmocka_unit_test_setup(the_vehicles_other_components_say_nothing_of_its_state, setup),
+        cmocka_unit_test_setup(the_vehicle_of_before_a_restart_counts_before_its_heartbeat, setup),
         cmocka_unit_test_setup(another_vehicle_waits_for_10_s_of_silence, setup),
         cmocka_unit_test_setup(the_same_vehicle_after_silence_is_no_new_one, setup),
         cmocka_unit_test_setup(replies_go_where_the_vehicle_was_heard_last, setup),

@@ -1,0 +1,134 @@
+/* What a restarted daemon must still know. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "kept.h"
+
+static char directory[] = "/tmp/odid-kept-XXXXXX";
+static char path[64];
+
+static int make_directory(void **state)
+{
+    (void)state;
+    if (mkdtemp(directory) == NULL) {
+        return -1;
+    }
+    snprintf(path, sizeof(path), "%s/kept", directory);
+    return 0;
+}
+
+static int remove_directory(void **state)
+{
+    (void)state;
+    unlink(path);
+    return rmdir(directory);
+}
+
+static void write_text(const char *text)
+{
+    FILE *file = fopen(path, "w");
+
+    assert_non_null(file);
+    fputs(text, file);
+    fclose(file);
+}
+
+static void what_was_written_is_read(void **state)
+{
+    const struct kept in = {.vehicle = 255,
+                            .takeoff = {.known = true,
+                                        .latitude_deg = 57.7089123,
+                                        .longitude_deg = -11.9746001,
+                                        .altitude_msl_m = 12.5,
+                                        .altitude_geodetic_m = NAN}};
+    struct kept out;
+
+    (void)state;
+    assert_int_equal(kept_write(directory, &in), 0);
+    kept_read(directory, &out);
+    assert_int_equal(out.vehicle, 255);
+    assert_true(out.takeoff.known);
+    assert_true(fabs(out.takeoff.latitude_deg - in.takeoff.latitude_deg) < 1e-8);
+    assert_true(fabs(out.takeoff.longitude_deg - in.takeoff.longitude_deg) < 1e-8);
+    assert_true(fabs(out.takeoff.altitude_msl_m - in.takeoff.altitude_msl_m) < 1e-3);
+    assert_true(isnan(out.takeoff.altitude_geodetic_m));
+}
+
+static void a_finished_flights_point_is_gone(void **state)
+{
+    const struct kept landed = {.vehicle = 7};
+    struct kept out;
+
+    (void)state;
+    write_text("vehicle 7\ntakeoff 1 2 3 4\n");
+    kept_read(directory, &out);
+    assert_true(out.takeoff.known);
+    assert_int_equal(kept_write(directory, &landed), 0);
+    kept_read(directory, &out);
+    assert_int_equal(out.vehicle, 7);
+    assert_false(out.takeoff.known);
+}
+
+static void nonsense_is_unknown(void **state)
+{
+    static const char *const vehicles[] = {
+        "", "7\n", "vehicle", "vehicle x\n", "vehicle 256\n", "takeoff 1 2 3 4\n", "vehicle -1\n"};
+    static const char *const points[] = {"",
+                                         "takeoff 57.7",
+                                         "takeoff a b c d",
+                                         "takeoff 91 0 0 0",
+                                         "takeoff 0 181 0 0",
+                                         "takeoff nan 0 0 0",
+                                         "1 2 3 4"};
+    struct kept out;
+    char text[80];
+
+    (void)state;
+    for (size_t i = 0; i < sizeof(vehicles) / sizeof(vehicles[0]); i++) {
+        write_text(vehicles[i]);
+        kept_read(directory, &out);
+        assert_int_equal(out.vehicle, 0);
+        assert_false(out.takeoff.known);
+    }
+    for (size_t i = 0; i < sizeof(points) / sizeof(points[0]); i++) {
+        snprintf(text, sizeof(text), "vehicle 1\n%s\n", points[i]);
+        write_text(text);
+        kept_read(directory, &out);
+        assert_int_equal(out.vehicle, 1);
+        assert_false(out.takeoff.known);
+    }
+}
+
+static void a_directory_that_is_gone_is_an_error(void **state)
+{
+    const struct kept in = {.vehicle = 1};
+    struct kept out;
+
+    (void)state;
+    assert_int_equal(kept_write("/nonexistent", &in), -ENOENT);
+    kept_read("/nonexistent", &out);
+    assert_int_equal(out.vehicle, 0);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(what_was_written_is_read),
+        cmocka_unit_test(a_finished_flights_point_is_gone),
+        cmocka_unit_test(nonsense_is_unknown),
+        cmocka_unit_test(a_directory_that_is_gone_is_an_error),
+    };
+
+    return cmocka_run_group_tests(tests, make_directory, remove_directory);
+}
