@@ -110,8 +110,7 @@ def bluetooth_controller(machine):
     time.sleep(3)
     machine.front.order("plug")
     machine.must("pidof hci-attach || (setsid hci-attach /dev/hvc0 </dev/null >/dev/null 2>&1 &)")
-    # The kernel makes these files when its set-up of the controller is over.
-    return Injected(at, machine.wait_inside("hci0 to be set up", "[ -e /sys/kernel/debug/bluetooth/hci0/features ]"))
+    return Injected(at, machine.wait_inside("hci0 to be set up", f"{TOOL} is-set-up 0"))
 
 
 def replugged(machine):

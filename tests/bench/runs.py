@@ -72,7 +72,6 @@ class Run:
 
     def tools(self):
         self.machine.put(faults.TOOL, tool())
-        self.machine.must("mountpoint -q /sys/kernel/debug || mount -t debugfs debugfs /sys/kernel/debug")
 
     def inject(self, fault):
         """Does the harm, and watches for as long as mending may take, and longer."""

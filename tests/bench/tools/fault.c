@@ -2,11 +2,11 @@
  *
  *     fault hci ADAPTER HEX        a second Bluetooth user: sends one HCI command (opcode as on the
  *                                  wire, length, parameters) through a raw socket
- *     fault spin PID               the process goes round in one instruction from now on
- *     fault hog MEGABYTES SECONDS  four processes that spin, and one that takes memory, and again
- *                                  when the kernel has killed it
- *     fault radio-remove ID        takes a mac80211_hwsim radio away
- *     fault radio-create MAC       adds one with this address */
+ *     fault is-set-up ADAPTER      exit code 0 when the kernel's own set-up of the controller is
+ * over fault spin PID               the process goes round in one instruction from now on fault hog
+ * MEGABYTES SECONDS  four processes that spin, and one that takes memory, and again when the kernel
+ * has killed it fault radio-remove ID        takes a mac80211_hwsim radio away fault radio-create
+ * MAC       adds one with this address */
 
 #include <errno.h>
 #include <linux/genetlink.h>
@@ -33,12 +33,14 @@ static void die(const char *what)
 
 #define BTPROTO_HCI 1
 #define HCI_COMMAND 0x01
+#define HCI_NO_DEVICE 0xffff
 
 struct sockaddr_hci {
     sa_family_t family;
     uint16_t device;
-    uint16_t channel; /* 0: raw */
+    uint16_t channel;
 };
+enum { CHANNEL_RAW = 0, CHANNEL_CONTROL = 3 };
 
 static size_t from_hex(const char *text, unsigned char *out, size_t size)
 {
@@ -56,16 +58,45 @@ static size_t from_hex(const char *text, unsigned char *out, size_t size)
     return length;
 }
 
+static int hci_socket(uint16_t device, uint16_t channel)
+{
+    struct sockaddr_hci address = {AF_BLUETOOTH, device, channel};
+    int one = socket(AF_BLUETOOTH, SOCK_RAW, BTPROTO_HCI);
+    if (one < 0 || bind(one, (struct sockaddr *)&address, sizeof(address)) < 0)
+        die("hci");
+    return one;
+}
+
 static void hci(int adapter, const char *hex)
 {
     unsigned char packet[260] = {HCI_COMMAND};
     size_t length = 1 + from_hex(hex, packet + 1, sizeof(packet) - 1);
-    struct sockaddr_hci address = {.family = AF_BLUETOOTH, .device = (uint16_t)adapter};
-    int raw = socket(AF_BLUETOOTH, SOCK_RAW, BTPROTO_HCI);
-    if (raw < 0 || bind(raw, (struct sockaddr *)&address, sizeof(address)) < 0)
-        die("hci");
+    int raw = hci_socket((uint16_t)adapter, CHANNEL_RAW);
     if (write(raw, packet, length) != (ssize_t)length)
         die("hci: write");
+}
+
+/* The management interface lists a controller from then on. */
+static int is_set_up(int adapter)
+{
+    enum { READ_INDEX_LIST = 3, COMMAND_COMPLETE = 1 };
+    const uint16_t question[3] = {READ_INDEX_LIST, HCI_NO_DEVICE, 0};
+    struct __attribute__((packed)) {
+        uint16_t event, device, length, command;
+        uint8_t status;
+        uint16_t count, adapters[64];
+    } answer = {0};
+    int control = hci_socket(HCI_NO_DEVICE, CHANNEL_CONTROL);
+    if (write(control, question, sizeof(question)) != sizeof(question))
+        die("hci: management");
+    do { /* other people's events come there as well */
+        if (read(control, &answer, sizeof(answer)) < 0)
+            die("hci: management");
+    } while (answer.event != COMMAND_COMPLETE || answer.command != READ_INDEX_LIST);
+    for (int i = 0; i < answer.count && i < 64; i++)
+        if (answer.adapters[i] == adapter)
+            return 1;
+    return 0;
 }
 
 /* --- processes -------------------------------------------------------------- */
@@ -207,6 +238,8 @@ int main(int argc, char **argv)
     const char *what = argc > 2 ? argv[1] : "";
     if (strcmp(what, "hci") == 0 && argc == 4) {
         hci(atoi(argv[2]), argv[3]);
+    } else if (strcmp(what, "is-set-up") == 0) {
+        return is_set_up(atoi(argv[2])) ? 0 : 1;
     } else if (strcmp(what, "spin") == 0) {
         spin(atoi(argv[2]));
     } else if (strcmp(what, "hog") == 0 && argc == 4) {
