@@ -82,6 +82,8 @@ struct config {
     char maintenance_password[CONFIG_PASSWORD_MAX + 1];
     bool maintenance_at_boot;                        /* false */
     bool update_prevent_downgrade;                   /* false */
+    char hawkbit_url[CONFIG_PATH_SIZE];              /* http[s]://HOST[:PORT][/...]; empty: none */
+    char hawkbit_tenant[48], hawkbit_id[48];         /* DEFAULT; empty: the aircraft's serial */
     uint8_t board_antenna, board_usb, board_console; /* codes of config_keys.h; 0 */
     char board_uarts[48];                            /* "uart2 uart3"; empty: none */
     /* flags only */

@@ -183,6 +183,40 @@ static void show_yes_no(const struct config_rule *rule, const void *field, char 
 const struct config_rule config_rule_yes_no = {
     .take = take_yes_no, .show = show_yes_no, .expected = "yes or no"};
 
+/* ---- [update] ---- */
+
+#define NAME_CHARACTERS "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789._-"
+
+static bool is_name(const char *text)
+{
+    return text[strspn(text, NAME_CHARACTERS)] == '\0';
+}
+
+/* What stands in SWUpdate's configuration, between quotes: no quote, no blank, no backslash. */
+static bool is_url(const char *text)
+{
+    size_t scheme = strncmp(text, "https://", 8) == 0  ? 8
+                    : strncmp(text, "http://", 7) == 0 ? 7
+                                                       : 0;
+
+    return text[0] == '\0' || (scheme > 0 && text[scheme] != '\0' && text[scheme] != '/' &&
+                               text[strspn(text, NAME_CHARACTERS ":/[]~%")] == '\0');
+}
+
+const struct config_rule config_rule_url = {
+    .take = config_text_take,
+    .show = config_text_show,
+    .expected = "an address such as https://updates.example.org:8443, or \"\"",
+    .size = sizeof(((struct config *)0)->hawkbit_url),
+    .valid = is_url};
+
+const struct config_rule config_rule_hawkbit_name = {
+    .take = config_text_take,
+    .show = config_text_show,
+    .expected = "letters, digits, full stops, hyphens and underscores, at most 47",
+    .size = sizeof(((struct config *)0)->hawkbit_id),
+    .valid = is_name};
+
 /* ---- [board] ---- */
 
 #define NAME_RULE(table, text)                                                                     \

@@ -128,7 +128,8 @@ extern const struct config_rule config_rule_id, config_rule_operator, config_rul
 /* The appliance's (config_appliance.c) */
 extern const struct config_rule config_rule_autopilot, config_rule_ground_station,
     config_rule_country, config_rule_channel, config_rule_password, config_rule_yes_no,
-    config_rule_antenna, config_rule_usb, config_rule_console, config_rule_uarts;
+    config_rule_url, config_rule_hawkbit_name, config_rule_antenna, config_rule_usb,
+    config_rule_console, config_rule_uarts;
 
 /* What several rules are made of. text_take wants size and valid, code_take codes and high. */
 bool config_text_take(const struct config_rule *rule, void *field, struct config_value *value);

@@ -9,6 +9,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -21,6 +22,7 @@
 #include "recorder_snapshot.h"
 #include "recorder_store.h"
 #include "status_ask.h"
+#include "update_files.h"
 #include "utf8.h"
 #include "whole_file.h"
 
@@ -46,6 +48,7 @@ static struct {
     struct recorder_board_reader board;
     int64_t totals_us; /* when the totals were said last */
     bool fault_told;
+    ino_t update; /* the file of the last update's result, which is a new one each time */
 } self = {.directory = "/data/odid/flights", .run_dir = "/run/odid", .root = ""};
 
 static void on_line(void *context, const char *line)
@@ -80,6 +83,36 @@ static void look(struct recorder_snapshot *snapshot)
         explain(snapshot->text, length < 0 ? (int)-length : EBADMSG);
     }
     recorder_board_read(&self.board, &snapshot->board);
+}
+
+static ino_t update_file(char path[256])
+{
+    struct stat file;
+
+    snprintf(path, 256, "%s/data/" UPDATE_RESULT_FILE, self.root);
+    return stat(path, &file) < 0 ? 0 : file.st_ino;
+}
+
+/* odid-update has kept what became of an update since the last look. */
+static void look_for_update(int64_t now_us)
+{
+    char path[256], sentence[RECORDER_TEXT_SIZE], *text;
+    ino_t number = update_file(path);
+    struct json_object *result;
+    size_t length;
+
+    if (number == self.update) {
+        return;
+    }
+    self.update = number;
+    text = number == 0 ? NULL : whole_file_read(path, sizeof(sentence) * 8, &length);
+    result = text == NULL ? NULL : recorder_json_parse(text, length);
+    if (result != NULL) {
+        utf8_clean(sentence, sizeof(sentence), recorder_json_text(result, "sentence", "?"));
+        recorder_say_update(&self.recorder, sentence, now_us);
+    }
+    json_object_put(result);
+    free(text);
 }
 
 /* ---- what is written ---- */
@@ -168,6 +201,7 @@ static void start(int64_t now_us)
     read_word(path, clean, sizeof(clean));
     utf8_clean(boot, sizeof(boot), clean);
     read_image(image);
+    self.update = update_file(path);
     self.totals_us = now_us;
     self.fault_told = true; /* an earlier process may have: the first write takes it away */
     if (!recorder_store_open(&self.store, self.directory, boot)) {
@@ -190,6 +224,7 @@ static int run(const sigset_t *signals)
     do {
         look(&snapshot);
         recorder_tick(&self.recorder, &snapshot, loop_now_us());
+        look_for_update(loop_now_us());
         save_when_due(loop_now_us());
         next_us += SECOND_US;
         left_us = next_us - loop_now_us();

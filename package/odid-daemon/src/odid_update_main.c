@@ -37,6 +37,8 @@
 #define IN_PROGRESS RUN_DIR "/update"
 /* Why the gate refused (/lib/odid/update-gate). */
 #define REFUSED STATE "/update-refused"
+/* Not empty where hawkBit is asked for updates. */
+#define HAWKBIT "/run/swupdate.hawkbit"
 #define SECOND_US 1000000
 
 static struct {
@@ -47,6 +49,8 @@ static struct {
     char running, other; /* slots */
     char version[UPDATE_VERSION_SIZE];
     bool time_known;
+    bool armed;  /* when that was known last */
+    bool beside; /* a bundle came while another update isn't decided: the gate refuses it */
     struct loop_timer tick;
     struct loop_watch signals;
 } self;
@@ -116,25 +120,35 @@ static void show(void)
     }
 }
 
-static void keep(enum update_outcome outcome, const char *to, const char *format, ...)
-    __attribute__((format(printf, 3, 4)));
-
-static void keep(enum update_outcome outcome, const char *to, const char *format, ...)
+static void keep_result(enum update_outcome outcome, const char *to, const char *format,
+                        va_list arguments)
 {
     struct update_result result = {.outcome = outcome};
-    bool same = outcome != UPDATE_REFUSED && self.record.from[0] != '\0';
-    va_list arguments;
+    bool recorded = outcome != UPDATE_REFUSED && self.record.from[0] != '\0';
 
-    snprintf(result.from, sizeof(result.from), "%s", same ? self.record.from : self.version);
+    snprintf(result.from, sizeof(result.from), "%s", recorded ? self.record.from : self.version);
     snprintf(result.to, sizeof(result.to), "%s", to);
-    va_start(arguments, format);
     vsnprintf(result.sentence, sizeof(result.sentence), format, arguments);
-    va_end(arguments);
     log_info("update: %s", result.sentence);
     complain("the update's result can't be kept",
              update_write_result(DATA, &result, self.time_known ? time(NULL) : 0));
-    complain("the trial's record can't be removed", update_remove_record(DATA));
-    odidctl_set_fault(FAULTS, "update", outcome == UPDATE_BACK ? result.sentence : NULL);
+    if (outcome != UPDATE_REFUSED || !self.beside) {
+        complain("the trial's record can't be removed", update_remove_record(DATA));
+        odidctl_set_fault(FAULTS, "update", outcome == UPDATE_BACK ? result.sentence : NULL);
+    }
+}
+
+static void keep(enum update_outcome outcome, const char *to, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+
+/* Also of a bundle beside an update that isn't decided: of that one everything stays known. */
+static void keep(enum update_outcome outcome, const char *to, const char *format, ...)
+{
+    va_list arguments;
+
+    va_start(arguments, format);
+    keep_result(outcome, to, format, arguments);
+    va_end(arguments);
 }
 
 /* ---- how the board is ---- */
@@ -151,8 +165,10 @@ static struct json_object *ask(struct update_board *board)
     memset(board, 0, sizeof(*board));
     self.time_known = self.time_known || json_object_get_boolean(known);
     /* An autopilot that was lost after arming counts as armed. */
-    board->armed =
-        armed != NULL ? json_object_get_boolean(armed) : access(STATE "/armed", F_OK) == 0;
+    if (armed != NULL) {
+        self.armed = json_object_get_boolean(armed);
+    }
+    board->armed = self.armed || (armed == NULL && access(STATE "/armed", F_OK) == 0);
     return status;
 }
 
@@ -175,7 +191,7 @@ static void look(struct update_board *board)
 /* ---- what is done ---- */
 
 /* By its supervisor's control pipe, as sv(8) does: SWUpdate is ended, and started anew. */
-static void stop_installer(void)
+static void end_installer(void)
 {
     int fd = open(SERVICES "/swupdate/supervise/control", O_WRONLY | O_NONBLOCK | O_CLOEXEC);
 
@@ -190,7 +206,8 @@ static void stop_installer(void)
 static void commit(int64_t now_us)
 {
     struct update_variables variables = {.slot = self.running};
-    int result = update_variables_write(ENVIRONMENT_CONFIG, &variables);
+    int result = update_variables_write(ENVIRONMENT_CONFIG, &variables, UPDATE_REPORT_GOOD);
+    struct stat file;
 
     if (result < 0) { /* tried again in a second */
         complain("the slot can't be committed", result);
@@ -199,6 +216,10 @@ static void commit(int64_t now_us)
     self.variables = variables;
     keep(UPDATE_INSTALLED, self.version, "Version %s is installed.", self.version);
     update_committed(&self.update, now_us);
+    if (stat(HAWKBIT, &file) == 0 &&
+        file.st_size > 0) { /* its hawkBit client reports when it starts */
+        end_installer();
+    }
 }
 
 static void roll_back(int64_t now_us)
@@ -209,7 +230,7 @@ static void roll_back(int64_t now_us)
     /* The reason first: power may fail now. */
     keep(UPDATE_BACK, self.version, "Version %s was rolled back: %s", self.version,
          self.update.sentence);
-    result = update_variables_write(ENVIRONMENT_CONFIG, &variables);
+    result = update_variables_write(ENVIRONMENT_CONFIG, &variables, UPDATE_REPORT_FAILED);
     if (result < 0) {
         complain("the slot can't be given up", result);
         return;
@@ -233,7 +254,7 @@ static void act(int64_t now_us)
     look(&board);
     switch (update_tick(&self.update, &board, now_us)) {
     case UPDATE_STOP:
-        stop_installer();
+        end_installer();
         break;
     case UPDATE_COMMIT:
         commit(now_us);
@@ -263,16 +284,34 @@ static void on_tick(void *context, int64_t now_us)
 
 /* ---- what SWUpdate does ---- */
 
+static bool undecided(void)
+{
+    return self.update.state == UPDATE_WAITING || self.update.state == UPDATE_TRIAL;
+}
+
 static void on_begins(int64_t now_us)
 {
-    update_begins(&self.update, now_us);
-    unlink(REFUSED);
-    show();
+    self.beside = undecided();
+    if (!self.beside) {
+        update_begins(&self.update, now_us);
+        show();
+    }
+}
+
+/* Is it beside another update still? When that was decided meanwhile, it is the one that counts. */
+static bool is_beside(int64_t now_us)
+{
+    if (self.beside && !undecided()) {
+        on_begins(now_us);
+    }
+    return self.beside;
 }
 
 static void on_version(const char *version)
 {
-    update_version(&self.update, version);
+    if (!self.beside) {
+        update_version(&self.update, version);
+    }
 }
 
 /* The gate is passed, and nothing is written yet that counts. */
@@ -294,6 +333,9 @@ static void begin_record(void)
 
 static void on_progress(int percent, int64_t now_us)
 {
+    if (is_beside(now_us)) {
+        return;
+    }
     if (self.update.state == UPDATE_CHECKING) {
         begin_record();
     }
@@ -308,6 +350,7 @@ static void refuse(const char *why, const char *to)
     char sentence[UPDATE_SENTENCE_SIZE], hardware[UPDATE_SENTENCE_SIZE];
 
     read_line(REFUSED, sentence, sizeof(sentence));
+    unlink(REFUSED); /* the next one may fail before the gate */
     if (self.update.stopped) {
         snprintf(sentence, sizeof(sentence),
                  "The aircraft was armed while it was written; install it again when disarmed.");
@@ -320,6 +363,11 @@ static void refuse(const char *why, const char *to)
 
 static void on_ends(const char *why, int64_t now_us)
 {
+    if (is_beside(now_us)) {
+        refuse(why, "");
+        self.beside = false;
+        return;
+    }
     protect(true);
     if (why[0] == '\0') {
         update_installed(&self.update, now_us);
@@ -350,10 +398,10 @@ static void explain_fallback(void)
 }
 
 /* No trial, no restarts: the slot that U-Boot has for the committed one stays that. */
-static void settle(void)
+static void settle(enum update_report report)
 {
     struct update_variables settled = {.slot = self.variables.slot};
-    int result = update_variables_write(ENVIRONMENT_CONFIG, &settled);
+    int result = update_variables_write(ENVIRONMENT_CONFIG, &settled, report);
 
     complain("U-Boot's variables can't be settled", result);
 }
@@ -370,14 +418,15 @@ static void resume(int64_t now_us)
         self.expectation.channels = self.record.channels;
         self.expectation.wanted = self.record.services;
         update_try(&self.update, self.version, now_us);
-    } else if (variables->upgrade_available && fallback[0] == '\0') {
+    } else if (variables->upgrade_available && variables->trial == self.other &&
+               fallback[0] == '\0') {
         update_version(&self.update, self.record.to); /* installed, not restarted yet */
         update_installed(&self.update, now_us);
     } else if (variables->upgrade_available || variables->trial_failed != '\0') {
         if (recorded) {
             explain_fallback();
         }
-        settle();
+        settle(UPDATE_REPORT_FAILED);
     } else {
         if (recorded && self.record.slot == self.running) {
             keep(UPDATE_INSTALLED, self.version, "Version %s is installed.", self.version);
@@ -386,7 +435,7 @@ static void resume(int64_t now_us)
                  "The update was broken off, by power or a restart; nothing has changed.");
         }
         if (variables->restarts != 0) {
-            settle(); /* we came up */
+            settle(UPDATE_REPORT_NOTHING); /* we came up */
         }
     }
 }

@@ -94,8 +94,14 @@ int odidctl_show_made_password(const char *data, const char *directory, bool *ma
 
 /* ---- update ---- */
 
+/* Adds "update" (how it stands) and "last_update" to the status; null where nothing is known. */
+void odidctl_add_update(const struct odidctl_places *places, struct json_object *status);
+
 /* Installs the bundle of that file or URL; NULL: how the update stands, and the last result. */
 int odidctl_update(const struct odidctl_places *places, const char *name);
+
+/* Unless armed: leaves a mark for the boot scripts, and restarts the board. */
+int odidctl_factory_reset(const struct odidctl_places *places);
 
 /* ---- import ---- */
 

@@ -141,6 +141,8 @@ static void print_event(FILE *out, int64_t at_us, struct json_object *line)
         fprintf(out, "disarmed, after %s\n", lasted);
     } else if (strcmp(event, "clock") == 0) {
         fprintf(out, "the autopilot says that it is %s\n", recorder_json_text(line, "utc", "?"));
+    } else if (strcmp(event, "update") == 0) {
+        fprintf(out, "update: %s\n", recorder_json_text(line, "text", "?"));
     } else if (strcmp(event, "fault") == 0) {
         fprintf(out, "FAULT %s: %s\n", recorder_json_text(line, "what", "?"),
                 recorder_json_text(line, "text", "?"));

@@ -24,6 +24,7 @@ static const char usage[] =
     "  odidctl import DIR                takes over DIR/odid.conf and DIR/authorized_keys\n"
     "  odidctl maintenance on|off        opens the access point to the technician, or closes it\n"
     "  odidctl update [FILE|URL]         installs a bundle; alone: how the update stands\n"
+    "  odidctl factory-reset             forgets all settings, and takes over what CONFIG has\n"
     "  odidctl --version | --help\n"
     "\n"
     "Other places than the usual ones: -run-dir DIR, -flights-dir DIR, -config FILE, -data DIR,\n"
@@ -118,6 +119,12 @@ static int run_update(char *const words[])
     return odidctl_update(&self.places, words[1]);
 }
 
+static int run_factory_reset(char *const words[])
+{
+    (void)words;
+    return odidctl_factory_reset(&self.places);
+}
+
 #define WORDS_MAX 12
 
 static const struct command {
@@ -134,6 +141,7 @@ static const struct command {
     {"set", 3, 3, "set needs SECTION.KEY and VALUE; quote a value with blanks", run_set},
     {"import", 2, 2, "import needs one DIR", run_import},
     {"maintenance", 2, 2, "maintenance needs \"on\" or \"off\"", run_maintenance},
+    {"factory-reset", 1, 1, "factory-reset takes no words", run_factory_reset},
     {"update", 1, 2, "update takes at most one FILE or URL", run_update},
 };
 

@@ -101,6 +101,7 @@ int odidctl_status(const struct odidctl_places *places, bool json)
         return ODIDCTL_NO_ANSWER;
     }
     json_object_object_add(status, "appliance_faults", faults);
+    odidctl_add_update(places, status);
     if (json) {
         puts(json_object_to_json_string_ext(status,
                                             JSON_C_TO_STRING_PRETTY | JSON_C_TO_STRING_SPACED));

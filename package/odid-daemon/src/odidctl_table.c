@@ -312,6 +312,18 @@ void odidctl_table_faults(FILE *out, struct json_object *faults, bool colour)
     }
 }
 
+/* Only where something looks after updates. */
+static void print_update(FILE *out, struct json_object *status, bool colour)
+{
+    if (find(status, "update") == NULL && find(status, "last_update") == NULL) {
+        return;
+    }
+    fprintf(out, "\n%sUpdates%s\n", paint(colour, BOLD), paint(colour, PLAIN));
+    fprintf(out, "  " LABEL "%s\n", "Now", text_or(status, "update.sentence", UNKNOWN));
+    fprintf(out, "  " LABEL "%s\n", "The last one",
+            text_or(status, "last_update.sentence", "none yet"));
+}
+
 void odidctl_table(FILE *out, struct json_object *status, bool colour)
 {
     print_verdict(out, status, colour);
@@ -321,4 +333,5 @@ void odidctl_table(FILE *out, struct json_object *status, bool colour)
     print_identity(out, status, colour);
     print_problems(out, status, colour);
     odidctl_table_faults(out, find(status, "appliance_faults"), colour);
+    print_update(out, status, colour);
 }

@@ -39,6 +39,12 @@ static struct json_object *read_json(const char *directory, const char *name)
     return object;
 }
 
+void odidctl_add_update(const struct odidctl_places *places, struct json_object *status)
+{
+    json_object_object_add(status, "update", read_json(places->state, UPDATE_STATE_FILE));
+    json_object_object_add(status, "last_update", read_json(places->data, UPDATE_RESULT_FILE));
+}
+
 static const char *text_of(struct json_object *object, const char *name)
 {
     const char *text = json_object_get_string(json_object_object_get(object, name));

@@ -414,6 +414,13 @@ void recorder_continue(struct recorder *recorder, recorder_line_fn *line, void *
     say(recorder, now_us, "recorder_restarted", "%s", "");
 }
 
+void recorder_say_update(struct recorder *recorder, const char *sentence, int64_t now_us)
+{
+    char text[2 * RECORDER_TEXT_SIZE];
+
+    say(recorder, now_us, "update", ",\"text\":\"%s\"", escape(sentence, text));
+}
+
 /* Time passes in the state in which it was. */
 static void pass_time(struct recorder *recorder, int64_t now_us)
 {

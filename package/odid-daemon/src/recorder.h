@@ -123,6 +123,9 @@ void recorder_continue(struct recorder *recorder, recorder_line_fn *line, void *
 void recorder_tick(struct recorder *recorder, const struct recorder_snapshot *snapshot,
                    int64_t now_us);
 
+/* What became of an update of the appliance: valid UTF-8. */
+void recorder_say_update(struct recorder *recorder, const char *sentence, int64_t now_us);
+
 bool recorder_armed(const struct recorder *recorder);
 
 /* The armed part of a gap that isn't over; 0 when there is none. */

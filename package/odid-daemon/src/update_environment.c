@@ -185,7 +185,19 @@ int update_variables_read(const char *config, const char *defaults, char running
     return close_environment(context, *repaired);
 }
 
-int update_variables_write(const char *config, const struct update_variables *variables)
+/* Where there is none, nobody reads it. */
+static void set_report(struct uboot_ctx *context, enum update_report report)
+{
+    char *state = libuboot_get_env(context, "ustate"), value[2] = {(char)report, '\0'};
+
+    if (state != NULL) {
+        libuboot_set_env(context, "ustate", value);
+    }
+    free(state);
+}
+
+int update_variables_write(const char *config, const struct update_variables *variables,
+                           enum update_report report)
 {
     struct uboot_ctx *context;
     char restarts[16];
@@ -202,5 +214,6 @@ int update_variables_write(const char *config, const struct update_variables *va
     snprintf(restarts, sizeof(restarts), "%x", variables->restarts);
     libuboot_set_env(context, "restarts", restarts);
     libuboot_set_env(context, "bootcount", "0");
+    set_report(context, report);
     return close_environment(context, true);
 }

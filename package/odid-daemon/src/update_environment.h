@@ -32,8 +32,13 @@ struct update_variables {
 int update_variables_read(const char *config, const char *defaults, char running,
                           struct update_variables *variables, bool *repaired);
 
+/* What SWUpdate's hawkBit client is to report when it starts: it finds it in the variable ustate,
+ * which is only written where SWUpdate has made it. */
+enum update_report { UPDATE_REPORT_NOTHING = '0', UPDATE_REPORT_GOOD = '2', UPDATE_REPORT_FAILED };
+
 /* Writes all of them at once, and flushes: all or none. bootcount becomes 0. Returns 0
  * or -errno. */
-int update_variables_write(const char *config, const struct update_variables *variables);
+int update_variables_write(const char *config, const struct update_variables *variables,
+                           enum update_report report);
 
 #endif

@@ -13,10 +13,13 @@
 #include "update.h"
 
 #define AGAIN_US 1000000
+/* To a new listener SWUpdate first repeats, at once, what it said of its last install. */
+#define HISTORY_US 300000
 
 static struct {
     const struct update_installer_calls *calls;
-    struct loop_timer again;
+    struct loop_timer again, history;
+    bool in_history;
     struct loop_watch notices, progress;
     bool running, succeeded;
     char complaint[UPDATE_SENTENCE_SIZE];
@@ -39,6 +42,7 @@ void update_installer_explain(const char *complaint, const char *hardware, char 
         {"Compatible SW not found", "It is no bundle for this appliance, or was altered."},
         {"treaming", "It is cut short or damaged."},
         {"missing...aborting", "It is cut short: there is no slot in it."},
+        {"Image invalid", "It isn't signed, or is another kind of file: no bundle for this board."},
     };
 
     for (unsigned i = 0; i < sizeof(known) / sizeof(known[0]); i++) {
@@ -59,7 +63,9 @@ void update_installer_explain(const char *complaint, const char *hardware, char 
 static void end(int64_t now_us)
 {
     self.running = false;
-    self.calls->ends(self.succeeded ? "" : self.complaint, now_us);
+    if (!self.in_history) {
+        self.calls->ends(self.succeeded ? "" : self.complaint, now_us);
+    }
 }
 
 static void take_notice(const ipc_message *message, int64_t now_us)
@@ -69,7 +75,9 @@ static void take_notice(const ipc_message *message, int64_t now_us)
         self.running = true;
         self.succeeded = false;
         self.complaint[0] = '\0';
-        self.calls->begins(now_us);
+        if (!self.in_history) {
+            self.calls->begins(now_us);
+        }
         break;
     case SUCCESS:
         self.succeeded = true;
@@ -103,11 +111,13 @@ static void lose(int64_t now_us)
             close(fd);
         }
     }
+    loop_arm(&self.history, LOOP_NEVER);
     if (self.running) {
         self.succeeded = false;
         snprintf(self.complaint, sizeof(self.complaint), "SWUpdate ended");
         end(now_us);
     }
+    self.in_history = false;
     loop_arm(&self.again, now_us + AGAIN_US);
 }
 
@@ -158,13 +168,22 @@ static void on_progress(void *context, uint32_t events, int64_t now_us)
         message.info[sizeof(message.info) - 1] = '\0';
         take_information(message.info);
     }
-    if (self.running && message.cur_step > 0 &&
+    if (self.running && !self.in_history && message.cur_step > 0 &&
         (message.status == RUN || message.status == PROGRESS)) {
         self.calls->progress((int)message.cur_percent, now_us);
     }
 }
 
 /* ---- connecting ---- */
+
+static void on_history_told(void *context, int64_t now_us)
+{
+    (void)context;
+    self.in_history = false;
+    if (self.running) { /* an install is going on: we came late */
+        self.calls->begins(now_us);
+    }
+}
 
 static void connect_now(void *context, int64_t now_us)
 {
@@ -182,6 +201,8 @@ static void connect_now(void *context, int64_t now_us)
         loop_arm(&self.again, now_us + AGAIN_US);
         return;
     }
+    self.in_history = true;
+    loop_arm(&self.history, now_us + HISTORY_US);
     loop_watch(&self.progress, progress, EPOLLIN, on_progress, NULL);
     loop_watch(&self.notices, notices, EPOLLIN, on_notice, NULL);
 }
@@ -190,5 +211,6 @@ void update_installer_watch(const struct update_installer_calls *calls)
 {
     self.calls = calls;
     loop_timer_init(&self.again, connect_now, NULL);
+    loop_timer_init(&self.history, on_history_told, NULL);
     loop_arm(&self.again, loop_now_us());
 }

@@ -56,6 +56,51 @@ static void faults_in_json(void **state)
     end(daemon);
 }
 
+static void updates(void **state)
+{
+    pid_t daemon = answer_with(ON_AIR);
+    struct json_object *status;
+
+    (void)state;
+    assert_int_equal(CALL("status"), 0);
+    assert_null(strstr(said, "Updates"));
+    put("state/update.json", "{\"state\": \"trial\", \"sentence\": \"Version 2 is on trial.\"}");
+    assert_int_equal(CALL("status"), 0);
+    assert_non_null(strstr(said, "Updates\n"
+                                 "  Now              Version 2 is on trial.\n"
+                                 "  The last one     none yet\n"));
+    put("data/odid/update.json",
+        "{\"outcome\": \"refused\", \"sentence\": \"The update was refused: why.\"}");
+    assert_int_equal(CALL("status"), 0);
+    assert_non_null(strstr(said, "  The last one     The update was refused: why.\n"));
+    assert_int_equal(CALL("status", "--json"), 0);
+    status = json_tokener_parse(said);
+    assert_string_equal(json_object_get_string(json_object_object_get(
+                            json_object_object_get(status, "last_update"), "outcome")),
+                        "refused");
+    json_object_put(status);
+    assert_int_equal(CALL("update"), 0);
+    assert_string_equal(said, "Version 2 is on trial.\n"
+                              "The last one: The update was refused: why.\n");
+    shell("rm state/update.json data/odid/update.json");
+    assert_int_equal(CALL("update"), 3);
+    end(daemon);
+}
+
+static void factory_reset(void **state)
+{
+    (void)state;
+    put("state/armed", "");
+    assert_int_equal(CALL("factory-reset"), 1);
+    expect_none("data/odid/factory-reset");
+    unlink("state/armed");
+    assert_int_equal(CALL("factory-reset"), 4); /* this is no appliance: nothing is restarted */
+    assert_non_null(got("data/odid/factory-reset"));
+    shell("rm -r data");
+    assert_int_equal(CALL("factory-reset"), 1);
+    assert_non_null(strstr(said, "nothing has changed"));
+}
+
 /* Then they matter most. */
 static void faults_without_a_daemon(void **state)
 {
@@ -108,8 +153,14 @@ static void check_knows_the_appliance(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        TEST(faults_in_the_table),    TEST(faults_in_json),      TEST(faults_without_a_daemon),
-        TEST(nonsense_for_an_answer), TEST(wrong_command_lines), TEST(check_knows_the_appliance),
+        TEST(faults_in_the_table),
+        TEST(faults_in_json),
+        TEST(updates),
+        TEST(factory_reset),
+        TEST(faults_without_a_daemon),
+        TEST(nonsense_for_an_answer),
+        TEST(wrong_command_lines),
+        TEST(check_knows_the_appliance),
     };
 
     return cmocka_run_group_tests(tests, bench_make, bench_remove);

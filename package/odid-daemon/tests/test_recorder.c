@@ -412,6 +412,13 @@ static void a_restart_of_ours_loses_nothing(void **state)
     assert_int_equal(count_in_text("\"armed\"}"), 1);
 }
 
+static void what_became_of_an_update(void **state)
+{
+    (void)state;
+    recorder_say_update(&bench.recorder, "Version 2 was rolled back: \"why\".", bench.now_us);
+    expect_line("\"event\":\"update\",\"text\":\"Version 2 was rolled back: \\\"why\\\".\"}");
+}
+
 static void a_gap_over_a_restart_of_ours_is_whole(void **state)
 {
     (void)state;
@@ -454,6 +461,7 @@ int main(void)
         TEST(faults_of_the_appliance),
         TEST(a_clock_that_becomes_known_in_flight),
         TEST(a_restart_of_ours_loses_nothing),
+        TEST(what_became_of_an_update),
         TEST(a_gap_over_a_restart_of_ours_is_whole),
     };
 
