@@ -45,6 +45,8 @@ help:
 	@echo 'make demo-host  the same flight through the daemon alone, on this machine'
 	@echo 'make test       every test that fits in minutes, with a summary'
 	@echo 'make system     of these only those that boot the appliance and do it harm'
+	@echo 'make update     updates the appliance, well and badly'
+	@echo 'make power-cuts 300 power cuts in the middle of updates (an hour; SEED=, COUNT=, CONTROL=)'
 	@echo 'make test-long  whole flights, long fuzzing, long benchmarks, the soak (hours)'
 	@echo 'make faults-without  faults done to an appliance that lacks what is there against them'
 	@echo 'make soak       the appliance in flight for half an hour: nothing may go wrong or grow'
@@ -191,7 +193,8 @@ define test-levels
 	--output-junit $(CURDIR)/build/test/unit.xml || $(call left,unit)
 @$(RUN) tests/levels/fuzz.py --seconds $(FUZZ_SECONDS) --jobs $(JOBS) \
 	--junit build/test/fuzz.xml || $(call left,fuzz)
-@$(RUN) -m pytest tests --ignore=tests/bench --ignore=tests/image $(PYTEST) --junit-xml=build/test/host.xml || \
+@$(RUN) -m pytest tests --ignore=tests/bench --ignore=tests/image --ignore=tests/update $(PYTEST) \
+	--junit-xml=build/test/host.xml || \
 	$(call left,host)
 @$(RUN) -m pytest tests/bench $(PYTEST) --junit-xml=build/test/system.xml || $(call left,system)
 endef
@@ -204,6 +207,17 @@ system: appliance
 
 faults-without: appliance
 	@$(RUN) tests/bench/without.py
+
+# Bundles, refusals, trials, roll-backs, and a draw of the power cuts.
+.PHONY: update power-cuts
+update: appliance
+	@$(RUN) -m pytest tests/update -o cache_dir=build/pytest -ra
+
+# Goes on where it was broken off; CONTROL= takes a protection out, and has to fail.
+COUNT ?= 300
+SEED ?= 1
+power-cuts: appliance
+	@$(RUN) -m update.power_cuts --count $(COUNT) --seed $(SEED) $(if $(CONTROL),--control $(CONTROL))
 
 .PHONY: check format
 check: build/venv/stamp

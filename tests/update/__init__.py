@@ -1,0 +1,1 @@
+"""Updates of the appliance in the bench's machine (see README.md)."""

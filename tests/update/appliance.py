@@ -1,0 +1,121 @@
+"""An appliance that is updated: a bench's machine, and what an update's tests ask of it."""
+
+import json
+import time
+
+from bench import disk as disks
+from bench.machine import Machine
+from host import parts
+
+from . import bundles
+from .server import Server
+
+STATE, RESULT = "/run/odid-appliance/update.json", "/data/odid/update.json"
+START = "U-Boot 20"
+
+
+def wait_for(what, condition, timeout_s):
+    """The first value of the condition that is true. Asking costs the machine: seldom."""
+    deadline = time.monotonic() + timeout_s
+    while time.monotonic() < deadline:
+        value = condition()
+        if value:
+            return value
+        time.sleep(0.3)
+    raise TimeoutError(f"waited {timeout_s} s in vain for {what}")
+
+
+class Appliance:
+    def __init__(self, name=None, machine=None, **options):
+        self.machine = machine or Machine(parts.ROOT / "build/update/runs" / name, **options)
+        bundles.BUILD.mkdir(parents=True, exist_ok=True)
+        self.server = Server(bundles.BUILD)
+
+    def close(self):
+        self.machine.close()
+        self.server.stop()
+
+    # --- on and off ----------------------------------------------------------
+
+    def power_on(self, **options):
+        self.machine.power_on(**options)
+        self.machine.wait_on_air(timeout_s=60)
+
+    def wait_ready(self):
+        """Until it takes a bundle."""
+        wait_for("SWUpdate and odid-update", lambda: self.machine.run(
+            f"[ -S /run/swupdate/swupdateprog ] && [ -e {STATE} ] && usleep 1500000").code == 0, 60)
+
+    def starts(self):
+        """How often the boot loader began since power-on."""
+        return self.machine.console_text().count(START)
+
+    def wait_restart(self, before, timeout_s=60):
+        """Until the boot loader has begun again and a shell answers; time.monotonic() of the former."""
+        if self.machine.shell:
+            self.machine.shell.close()
+            self.machine.shell = None
+        wait_for("a restart", lambda: self.starts() > before, timeout_s)
+        began = time.monotonic()
+        self.machine.wait_shell()
+        return began
+
+    # --- asking --------------------------------------------------------------
+
+    def _json(self, path):
+        output = self.machine.run(f"cat {path}").output
+        try:
+            return json.loads(output)
+        except ValueError:
+            return None
+
+    def state(self):
+        return (self._json(STATE) or {}).get("state")
+
+    def result(self):
+        return self._json(RESULT)
+
+    def wait_state(self, *states, timeout_s=90):
+        return wait_for(f"the state {' or '.join(states)}", lambda: self.state() in states, timeout_s)
+
+    def slot(self):
+        return self.machine.must("cat /run/odid-appliance/slot").strip()
+
+    def version(self):
+        return self.machine.must("cat /etc/odid/version").strip()
+
+    def variables(self):
+        return dict(line.split("=", 1) for line in self.machine.must("fw_printenv").splitlines() if "=" in line)
+
+    def sectors_written(self, number=7):
+        return int(self.machine.must(f"cat /sys/class/block/vda{number}/stat").split()[6])
+
+    def protected(self, slot="b"):
+        return self.machine.must(f"blockdev --getro /dev/disk/odid/slot-{slot}").strip() == "1"
+
+    def armed(self):
+        status = self.machine.status()
+        return status and status["aircraft"]["armed"]
+
+    def damage(self, partition, offset):
+        """Overwrites a sector while power is off."""
+        start, _ = self.machine.disk._place(partition)
+        disks.call("qemu-io", "-f", "qcow2", "-c", f"write -P 0x5a {start + offset} {disks.SECTOR}",
+                   self.machine.disk.path)
+
+    # --- doing ---------------------------------------------------------------
+
+    def install(self, bundle, rate=None, timeout_s=120):
+        """odidctl's exit code and output."""
+        return self.machine.run(f"odidctl update {self.server.url(bundle, rate)}", timeout_s)
+
+    def begin(self, bundle, rate=None):
+        """The same, without waiting for its end; its output is in /tmp/install, its code in /tmp/code."""
+        self.machine.must("rm -f /tmp/install /tmp/code")
+        self.machine.shell.send(f"(odidctl update {self.server.url(bundle, rate)} >/tmp/install 2>&1; "
+                                "echo $? >/tmp/code) &")
+
+    def ended(self, timeout_s=90):
+        """What was begun: (exit code, output)."""
+        wait_for("odidctl", lambda: self.machine.run("[ -s /tmp/code ]").code == 0, timeout_s)
+        return int(self.machine.must("cat /tmp/code")), self.machine.must("cat /tmp/install")

@@ -1,0 +1,152 @@
+"""Bundles to try: the system of the disk under test, with one thing about it changed."""
+
+import hashlib
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+from bench import disk as disks
+from host import parts
+
+BUILD = parts.ROOT / "build/update"
+COMMON = parts.ROOT / "board/common"
+KEYS = Path(os.environ.get("KEYS") or parts.ROOT / "build/keys")
+BOARD = "qemu"
+NEWER, OLDER = "9.9.0", "0.0.1"
+
+
+def call(*words, **options):
+    return disks.call(*words, **options)
+
+
+def running_version():
+    return (root() / "etc/odid/version").read_text(encoding="utf-8").strip()
+
+
+def root():
+    """The files of the disk's slot, unpacked once for each disk."""
+    stamp = disks.IMAGE.stat()
+    folder = BUILD / f"root-{stamp.st_size}-{int(stamp.st_mtime)}"
+    if not folder.exists():
+        for old in BUILD.glob("root-*"):
+            shutil.rmtree(old)
+        BUILD.mkdir(parents=True, exist_ok=True)
+        image = disks.Disk(BUILD / "slot.qcow2")
+        image.read(disks.SLOT_A, BUILD / "slot")
+        call("unsquashfs", "-no-progress", "-quiet", "-d", f"{folder}.part", BUILD / "slot")
+        Path(f"{folder}.part").rename(folder)
+    return folder
+
+
+def slot(name, changes):
+    """A sealed slot with {path: content} changed: bytes, or None for a file that is not there."""
+    source, target = root(), BUILD / f"{name}.slot"
+    fingerprint = hashlib.sha256(repr((source.name, sorted(changes.items()))).encode()).hexdigest()
+    mark = BUILD / f"{name}.made-of"
+    if target.exists() and mark.exists() and mark.read_text(encoding="utf-8") == fingerprint:
+        return target
+    tree = BUILD / f"{name}.tree"
+    shutil.rmtree(tree, ignore_errors=True)
+    call("cp", "-al", source, tree)
+    for path, content in changes.items():
+        file = tree / path
+        mode = file.stat().st_mode & 0o777 if file.is_file() else 0o755
+        file.unlink(missing_ok=True)        # never through the link to the original
+        if content is not None:
+            file.write_bytes(content)
+            file.chmod(mode)
+    target.unlink(missing_ok=True)
+    call("mksquashfs", tree, target, "-comp", "zstd", "-Xcompression-level", "3", "-b", "256K", "-all-root",
+         "-no-xattrs", "-no-exports", "-noappend", "-no-progress", "-quiet")
+    shutil.rmtree(tree)
+    call(COMMON / "seal-slot.sh", target)
+    mark.write_text(fingerprint, encoding="utf-8")
+    return target
+
+
+def version(number):
+    """What says of a slot which version it is."""
+    return {"etc/odid/version": f"{number}\n".encode()}
+
+
+def bundle(name, version, changes=None, board=BOARD, keys=KEYS, slot_file=None):
+    """An ordinary bundle, made as a release's is. Its slot is the running system's unless changed."""
+    target = BUILD / f"{name}.swu"
+    source = slot_file or slot(name, {"etc/odid/version": f"{version}\n".encode()} | (changes or {}))
+    call(COMMON / "make-bundle.sh", source, board, version, keys, target)
+    return target
+
+
+def other_keys():
+    """Somebody else's."""
+    folder = BUILD / "other-keys"
+    call(COMMON / "make-keys.sh", folder)
+    return folder
+
+
+# --- bundles that something is wrong with ------------------------------------
+
+
+def parts_of(swu):
+    """The files of a bundle, in their order."""
+    folder = BUILD / "parts"
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    with open(swu, "rb") as stream:
+        call_cpio(["-i", "--quiet"], folder, stdin=stream)
+    return folder
+
+
+def call_cpio(words, folder, **streams):
+    subprocess.run(["cpio", *words], check=True, cwd=folder, **streams)
+
+
+def put_together(folder, names, target):
+    with open(target, "wb") as out:
+        subprocess.run(["cpio", "--quiet", "-o", "-H", "crc"], input="".join(f"{name}\n" for name in names),
+                       text=True, check=True, cwd=folder, stdout=out)
+    return target
+
+
+def described(source, name, edit, keys=KEYS):
+    """The bundle with its description edited; signed again by those keys, or (None) not."""
+    folder = parts_of(source)
+    description = folder / "sw-description"
+    text = description.read_text(encoding="utf-8")
+    edited = edit(text)
+    assert edited != text, "the edit did nothing"
+    description.write_text(edited, encoding="utf-8")
+    if keys:
+        call("openssl", "cms", "-sign", "-binary", "-nosmimecap", "-outform", "DER", "-md", "sha256",
+             "-signer", keys / "signing.crt", "-inkey", keys / "signing.key", "-in", description,
+             "-out", folder / "sw-description.sig")
+    return put_together(folder, ["sw-description", "sw-description.sig", "slot.img"], BUILD / f"{name}.swu")
+
+
+def unsigned(source, name):
+    return put_together(parts_of(source), ["sw-description", "slot.img"], BUILD / f"{name}.swu")
+
+
+def damaged(source, name):
+    """One bit of the slot is another one; the archive's own sums are right again."""
+    folder = parts_of(source)
+    with open(folder / "slot.img", "r+b") as file:
+        file.seek(file.seek(0, os.SEEK_END) // 2)
+        octet = file.read(1)
+        file.seek(-1, os.SEEK_CUR)
+        file.write(bytes([octet[0] ^ 0x10]))
+    return put_together(folder, ["sw-description", "sw-description.sig", "slot.img"], BUILD / f"{name}.swu")
+
+
+def cut_short(source, name):
+    target = BUILD / f"{name}.swu"
+    with open(source, "rb") as whole, open(target, "wb") as part:
+        part.write(whole.read(source.stat().st_size * 2 // 3))
+    return target
+
+
+def noise(name):
+    target = BUILD / f"{name}.swu"
+    target.write_bytes(hashlib.sha256(b"noise").digest() * 40000)
+    return target

@@ -1,0 +1,39 @@
+"""Appliances to update. What they are made of: README.md."""
+
+import pytest
+from bench.machine import missing
+
+from .appliance import Appliance
+
+
+@pytest.fixture(scope="session", autouse=True)
+def machine_possible():
+    reason = missing()
+    if reason:
+        pytest.skip(reason)
+
+
+@pytest.fixture
+def make_appliance():
+    """Appliances of a test's own, switched off; they end with the test."""
+    made = []
+
+    def make(name, **options):
+        made.append(Appliance(name, **options))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.close()
+
+
+@pytest.fixture(scope="session")
+def grounded():
+    """An appliance that is ready for a bundle; what it is given it refuses."""
+    one = Appliance("grounded")
+    try:
+        one.power_on()
+        one.wait_ready()
+        yield one
+    finally:
+        one.close()

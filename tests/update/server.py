@@ -1,0 +1,57 @@
+"""A web server with the bundles, which the machine reaches as 10.0.2.2. A path of the form
+/RATE/NAME gives NAME at so many octets a second; `stop` breaks all of them off."""
+
+import http.server
+import threading
+import time
+from pathlib import Path
+
+GUEST_SEES = "10.0.2.2"
+PIECES_S = 20
+
+
+class Server:
+    def __init__(self, folder):
+        self.folder, self._stopped = Path(folder), threading.Event()
+        outer = self
+
+        class Handler(http.server.BaseHTTPRequestHandler):
+            def do_GET(self):       # noqa: N802, the library's name
+                rate, _, name = self.path.strip("/").rpartition("/")
+                file = outer.folder / name
+                if not file.is_file():
+                    self.send_error(404)
+                    return
+                self.send_response(200)
+                self.send_header("Content-Length", str(file.stat().st_size))
+                self.end_headers()
+                try:
+                    outer.send(file, int(rate) if rate else None, self.wfile)
+                except OSError:
+                    pass            # it had enough
+
+            def log_message(self, *_):
+                pass
+
+        self._server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+        self._server.daemon_threads = True
+        threading.Thread(target=self._server.serve_forever, daemon=True).start()
+
+    def send(self, file, rate, out):
+        piece = rate // PIECES_S if rate else 1 << 20
+        with open(file, "rb") as stream:
+            while data := stream.read(piece):
+                if self._stopped.is_set():
+                    return
+                out.write(data)
+                if rate:
+                    time.sleep(1 / PIECES_S)
+
+    def url(self, file, rate=None):
+        prefix = f"{rate}/" if rate else ""
+        return f"http://{GUEST_SEES}:{self._server.server_address[1]}/{prefix}{Path(file).name}"
+
+    def stop(self):
+        self._stopped.set()
+        self._server.shutdown()
+        self._server.server_close()

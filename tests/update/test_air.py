@@ -1,0 +1,60 @@
+"""What an update costs the broadcast: the longest wait for a newer position, its restart aside."""
+
+import json
+import time
+
+import pytest
+from bench.gaps import CHANNELS, Contents
+
+from . import autopilot, bundles
+from .appliance import wait_for
+from .bundles import NEWER
+
+GAP_S = 0.6
+SETTLE_S = 3
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    """It moves, and isn't armed."""
+    return autopilot.generate(tmp_path_factory.mktemp("logs"), armed=False)
+
+
+def test_the_broadcast_goes_on(make_appliance, log):
+    one = make_appliance("air")
+    machine = one.machine
+    judge = machine.judge(None)
+    windows, figures = {}, {}
+    try:
+        one.power_on()
+        machine.play(log)
+        machine.wait_on_air(position=True, timeout_s=60)
+        one.wait_ready()
+        time.sleep(SETTLE_S)
+        bundle = bundles.bundle("good", NEWER)
+        before, begun = one.starts(), time.monotonic()
+        got = one.install(bundle)
+        assert got.code == 0, got.output
+        windows["install"] = begun, time.monotonic()
+        figures["install_s"] = round(windows["install"][1] - begun, 1)
+        # The autopilot isn't switched off meanwhile; its cable is the machine's, and comes back with it.
+        one.wait_restart(before)
+        machine.play(log)
+        machine.wait_on_air(position=True, timeout_s=60)
+        time.sleep(SETTLE_S)
+        begun = time.monotonic()
+        one.wait_state("trial", "idle")
+        one.wait_state("idle")
+        time.sleep(SETTLE_S)
+        windows["trial and commit"] = begun, time.monotonic()
+    finally:
+        judge.stop(timeout_s=120)
+    contents = Contents(machine.folder / "judge/receptions.jsonl")
+    for name, (start, end) in windows.items():
+        gap_s, channel = contents.worst_gap(CHANNELS, start, end)
+        print(f"{name}: longest gap {gap_s:.2f} s on {channel}")
+        figures[f"{name.replace(' ', '_')}_gap_s"] = round(gap_s, 2)
+    (bundles.BUILD / "air.json").write_text(json.dumps(figures), encoding="utf-8")
+    assert one.result()["outcome"] == "installed"
+    assert max(figures["install_gap_s"], figures["trial_and_commit_gap_s"]) <= GAP_S
+    wait_for("the end", lambda: one.state() == "idle", 5)

@@ -1,0 +1,137 @@
+"""Never a restart in the air: armed, and lost while armed, at every phase of an update."""
+
+import re
+import time
+
+import pytest
+
+from . import autopilot, bundles
+from .appliance import wait_for
+from .bundles import NEWER
+from .test_trial import installed
+
+LONG_ENOUGH_S = 75      # longer than a trial lasts, and than the wait before a restart
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("logs")
+    return {armed: autopilot.generate(folder, armed) for armed in (False, True)}
+
+
+@pytest.fixture
+def ready(make_appliance, request, logs):
+    one = make_appliance(re.sub(r"\W+", "_", request.node.name))
+    one.power_on()
+    one.machine.play(logs[False])
+    one.wait_ready()
+    wait_for("disarmed", lambda: one.armed() is False, 30)
+    return one
+
+
+def arm(appliance, logs, armed=True):
+    appliance.machine.play(logs[armed])
+    wait_for("armed" if armed else "disarmed", lambda: appliance.armed() is armed, 30)
+
+
+def told(appliance, reason):
+    """What the autopilot hears of us: ARM_STATUS."""
+    return any(reason in str(answer) for answer in appliance.machine.answers()[-12:])
+
+
+def no_restart(appliance, seconds):
+    before, end = appliance.starts(), time.monotonic() + seconds
+    while time.monotonic() < end:
+        assert appliance.starts() == before
+        time.sleep(1)
+
+
+@pytest.mark.parametrize("lost", [False, True], ids=["armed", "lost_while_armed"])
+def test_writing_stops(ready, logs, lost):
+    bundle = bundles.bundle("good", NEWER)
+    ready.begin(bundle, rate=bundle.stat().st_size // 40)
+    ready.wait_state("installing")
+    wait_for("ARM_STATUS", lambda: told(ready, "update in progress"), 10)
+    variables = ready.variables()
+    arm(ready, logs)
+    if lost:
+        ready.machine.unplug()
+    ready.wait_state("idle", timeout_s=10)
+    result = ready.result()
+    assert result["outcome"] == "refused"
+    assert "armed" in result["sentence"]
+    assert ready.protected()
+    written = ready.sectors_written(7)
+    time.sleep(5)
+    assert ready.sectors_written(7) == written
+    assert ready.variables() == variables
+    assert ready.ended()[0] == 1
+
+
+def test_no_restart_into_the_new_slot(ready, logs):
+    got = ready.install(bundles.bundle("good", NEWER))
+    assert got.code == 0, got.output
+    arm(ready, logs)
+    assert ready.state() == "waiting-for-reboot"
+    assert told(ready, "update in progress")
+    no_restart(ready, 30)
+    ready.machine.unplug()
+    no_restart(ready, 20)
+    ready.machine.plug()
+    before = ready.starts()
+    arm(ready, logs, False)
+    ready.wait_restart(before)
+    assert ready.slot() == "b"
+
+
+def test_the_trial_stands_still(ready, logs):
+    installed(ready, bundles.bundle("good", NEWER))
+    machine = ready.machine
+    machine.wait_shell()
+    wait_for("the daemon", machine.status, 30)
+    arm(ready, logs)
+    ready.wait_state("trial")
+    wait_for("ARM_STATUS", lambda: told(ready, "update in progress"), 10)
+    no_restart(ready, LONG_ENOUGH_S)
+    assert ready.state() == "trial"
+    assert ready.variables()["upgrade_available"] == "1"
+    arm(ready, logs, False)
+    ready.wait_state("idle")
+    assert ready.result()["outcome"] == "installed"
+
+
+def test_a_failed_trial_waits_for_the_ground(ready, logs):
+    installed(ready, bundles.bundle("no_bluetooth", NEWER, {"usr/sbin/hci-attach": None}))
+    machine = ready.machine
+    machine.wait_shell()
+    wait_for("the daemon", machine.status, 30)
+    ready.wait_state("trial")
+    arm(ready, logs)
+    no_restart(ready, LONG_ENOUGH_S)
+    assert ready.result() is None
+    arm(ready, logs, False)
+    ready.wait_state("waiting-for-reboot")
+    arm(ready, logs)            # again, before it restarted
+    no_restart(ready, 20)
+    before = ready.starts()
+    arm(ready, logs, False)
+    ready.wait_restart(before)
+    assert ready.slot() == "a"
+    assert ready.result()["outcome"] == "rolled-back"
+
+
+def test_after_a_watchdog_reset_armed_is_known_at_once(ready, logs):
+    """In flight, on trial: the board is reset; nothing is decided, and it doesn't restart."""
+    installed(ready, bundles.bundle("no_bluetooth", NEWER, {"usr/sbin/hci-attach": None}))
+    machine = ready.machine
+    machine.wait_shell()
+    wait_for("the daemon", machine.status, 30)
+    arm(ready, logs)
+    before = ready.starts()
+    machine.qmp.command("system_reset")
+    ready.wait_restart(before)
+    wait_for("armed", ready.armed, 30)
+    ready.wait_state("trial")
+    no_restart(ready, LONG_ENOUGH_S)
+    assert ready.slot() == "b"
+    assert ready.variables()["upgrade_available"] == "1"

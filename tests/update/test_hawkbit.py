@@ -1,0 +1,75 @@
+"""SWUpdate's own hawkBit client against a model of the server."""
+
+import pytest
+from bench.machine import configuration
+
+from . import bundles
+from .appliance import wait_for
+from .bundles import NEWER
+from .hawkbit import HawkBit
+
+NAME = "SSRS5GBG01"     # nothing else is configured: the aircraft's serial number
+
+
+@pytest.fixture
+def server():
+    one = HawkBit(NAME)
+    yield one
+    one.stop()
+
+
+@pytest.fixture
+def ready(make_appliance, request, server):
+    one = make_appliance(request.node.name, config={
+        "odid.conf": configuration(update={"hawkbit_url": server.url}), "hawkbit-token": server.token + "\n"})
+    one.power_on()
+    one.wait_ready()
+    return one
+
+
+def test_an_update_is_fetched_installed_and_reported(ready, server):
+    wait_for("a poll", lambda: server.polls > 1, 60)
+    assert server.attributes["version"] == bundles.running_version()
+    assert server.attributes["hardware"] == "odid-qemu"
+    assert not server.refused
+    # Its token is nobody else's business.
+    assert server.token not in ready.machine.must("ps; odidctl status --json; dmesg; odidctl get update.hawkbit_url")
+    assert ready.machine.must("ps -o user,args | grep '[s]wupdate' | cut -d' ' -f1 | sort -u").split() == \
+        ["odid-hawkbit", "root"]
+    before = ready.starts()
+    server.offer(17, bundles.bundle("good", NEWER), NEWER)
+    ready.wait_restart(before, 180)
+    ready.machine.wait_on_air(timeout_s=60)
+    assert server.outcome(17) is None       # not before the trial is over
+    ready.wait_state("trial")
+    ready.wait_state("idle")
+    wait_for("the report", lambda: server.outcome(17), 90)
+    assert server.outcome(17) == "success"
+    assert "proceeding" in server.executions("17")
+    assert ready.result()["outcome"] == "installed"
+    assert not server.violations
+    polls = server.polls
+    wait_for("it to go on asking", lambda: server.polls > polls + 1, 60)
+    assert ready.starts() == before + 1     # and it isn't installed again
+
+
+def test_a_rolled_back_one_is_reported(ready, server):
+    before = ready.starts()
+    server.offer(18, bundles.bundle("no_bluetooth", NEWER, {"usr/sbin/hci-attach": None}), NEWER)
+    ready.wait_restart(before, 180)
+    ready.wait_restart(before + 1, 180)
+    ready.machine.wait_on_air(timeout_s=60)
+    wait_for("the report", lambda: server.outcome(18), 90)
+    assert server.outcome(18) == "failure"
+    assert ready.result()["outcome"] == "rolled-back"
+    assert not server.violations
+
+
+def test_one_that_is_refused_is_reported(ready, server):
+    server.offer(19, bundles.bundle("another", NEWER, keys=bundles.other_keys()), NEWER)
+    wait_for("the report", lambda: server.outcome(19), 120)
+    assert server.outcome(19) == "failure"
+    assert any("signature" in line.lower() or "image invalid" in line.lower() for _, one in server.feedback
+               for line in one["status"].get("details", []))
+    assert ready.result()["outcome"] == "refused"
+    assert not server.violations

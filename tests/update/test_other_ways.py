@@ -1,0 +1,90 @@
+"""A bundle on a USB stick; and back to what CONFIG says."""
+
+import re
+
+import pytest
+from bench.machine import configuration
+
+from . import bundles
+from .appliance import wait_for
+from .bundles import NEWER
+
+
+def stick(name, *files):
+    """A stick with those files at its top level."""
+    image = bundles.BUILD / f"{name}.stick"
+    image.unlink(missing_ok=True)
+    with open(image, "wb") as out:
+        out.truncate(sum(file.stat().st_size for file in files) + (16 << 20))
+    bundles.call("mkfs.fat", "-F", "32", image)
+    for file in files:
+        bundles.call("mcopy", "-i", image, file, f"::{file.name}")
+    return image
+
+
+def plug(machine, image):
+    machine.qmp.command("blockdev-add", **{"driver": "raw", "node-name": "stick", "read-only": True,
+                                           "file": {"driver": "file", "filename": str(image)}})
+    machine.qmp.command("device_add", driver="usb-storage", id="stick", drive="stick", bus="usb.0")
+
+
+@pytest.fixture
+def ready(make_appliance, request):
+    one = make_appliance(re.sub(r"\W+", "_", request.node.name))
+    one.power_on()
+    one.wait_ready()
+    return one
+
+
+def test_the_newest_that_fits_is_taken_once(ready):
+    """And where the stick stays in, it isn't installed again."""
+    files = [bundles.bundle("good", NEWER), bundles.bundle("older", bundles.OLDER),
+             bundles.bundle("cm4", "99.0.0", board="cm4")]
+    plug(ready.machine, stick("several", *files))
+    before = ready.starts()
+    ready.wait_state("installing", timeout_s=60)
+    ready.wait_restart(before, 120)
+    ready.machine.wait_on_air(timeout_s=60)
+    ready.wait_state("trial")
+    ready.wait_state("idle")
+    assert ready.version() == NEWER
+    said = wait_for("what it says of the stick", lambda: re.search(
+        f"the stick .* has version {NEWER}, which is running", ready.machine.console_text()), 60)
+    assert said
+    assert ready.result()["outcome"] == "installed"
+
+
+def test_a_stick_without_a_bundle(ready):
+    image = stick("nothing", bundles.bundle("cm4", NEWER, board="cm4"))
+    plug(ready.machine, image)
+    wait_for("what it says of the stick", lambda: "no bundle for odid-qemu" in ready.machine.console_text(), 60)
+    assert ready.state() == "idle"
+    assert ready.result() is None
+
+
+def test_factory_reset(make_appliance):
+    one = make_appliance("factory", config={"odid.conf": configuration(
+        self_id={"description": "As on CONFIG"}, maintenance={"password": "a-test-password"})})
+    one.power_on()
+    machine = one.machine
+    machine.must("odidctl set self_id.description Changed", 30)
+    machine.must("odidctl set wifi.channel 11", 30)
+    machine.wait_on_air()
+    machine.must("echo x >/data/secrets/other; echo 7 >/data/odid/vehicle; sync; ls /data/odid/flights/*")
+    before, ssid = one.starts(), machine.must("cat /data/secrets/wifi_ssid")
+    machine.shell.send("odidctl factory-reset")
+    one.wait_restart(before)
+    machine.wait_on_air(timeout_s=60)
+    assert machine.must("odidctl get self_id.description").strip() == "As on CONFIG"
+    assert machine.must("odidctl get wifi.channel").strip() == "6"
+    assert machine.must("odidctl get basic_id.uas_id").strip() == "SSRS5GBG01"
+    assert machine.must("cat /data/secrets/wifi_ssid") != ssid
+    assert machine.run("cat /data/secrets/other /data/odid/vehicle /data/odid/factory-reset").code != 0
+    assert machine.must("ls /data/odid/flights/*")
+    machine.cut_power()
+    machine.power_on()
+    machine.must("odidctl set self_id.description Again", 30)
+    machine.must("sync")
+    machine.cut_power()
+    machine.power_on()
+    assert machine.must("odidctl get self_id.description").strip() == "Again"       # only once

@@ -1,0 +1,250 @@
+"""What is refused before anything is written, with the reason; and, check by check, that it would be
+installed if the check weren't there: a test that can't fail shows nothing."""
+
+import re
+import time
+from collections import namedtuple
+
+import pytest
+
+from . import autopilot, bundles
+from .appliance import wait_for
+from .bundles import NEWER, OLDER
+
+GATE = "/lib/odid/update-gate"
+
+# bundle: makes it; says: what the sentence has; arrange, undo: what has to be so on the appliance;
+# without: takes the check out, for the counter-test (None: it can't be taken out); back: puts it back.
+Refusal = namedtuple("Refusal", "name bundle says arrange undo without back",
+                     defaults=(None, None, None, None))
+
+
+def good():
+    return bundles.bundle("good", NEWER)
+
+
+def gate_without(pattern):
+    """The gate without one of its checks: sed's address of the lines to leave out."""
+    def take_out(machine):
+        machine.must(f"sed '{pattern}d' {GATE} >/tmp/gate && chmod 755 /tmp/gate && ! cmp -s /tmp/gate {GATE} && "
+                     f"mount --bind /tmp/gate {GATE}")
+    return take_out
+
+
+def gate_back(machine):
+    machine.must(f"umount {GATE}")
+
+
+def other_run_script(expression):
+    def take_out(machine):
+        machine.must("cp /run/service/swupdate/run /tmp/run && "
+                     f"sed -i '{expression}' /run/service/swupdate/run && ! cmp -s /tmp/run /run/service/swupdate/run "
+                     "&& sv term swupdate && sleep 2 && [ -S /run/swupdate/sockinstctrl ]")
+    return take_out
+
+
+def run_script_back(machine):
+    machine.must("cp /tmp/run /run/service/swupdate/run; umount /etc/swupdate/trusted.pem 2>/dev/null; "
+                 "sv term swupdate; sleep 2")
+
+
+def trust_the_other(machine):
+    machine.put("/tmp/trusted.pem", (bundles.other_keys() / "trusted.pem").read_bytes(), "644")
+    machine.must("cp /run/service/swupdate/run /tmp/run; mount --bind /tmp/trusted.pem /etc/swupdate/trusted.pem; "
+                 "sv term swupdate; sleep 2")
+
+
+def prevent_downgrade(machine):
+    machine.must("odidctl set update.prevent_downgrade yes", 30)
+
+
+def allow_downgrade(machine):
+    machine.must("odidctl set update.prevent_downgrade no", 30)
+    machine.wait_on_air()
+
+
+REFUSALS = (
+    Refusal("other_hardware", lambda: bundles.bundle("cm4", NEWER, board="cm4"), "other hardware.*odid-qemu",
+            without=other_run_script(r's/odid:odid-\$BOARD/odid:odid-cm4/'), back=run_script_back),
+    Refusal("unsigned", lambda: bundles.unsigned(good(), "unsigned"), "signed"),
+    Refusal("signed_by_another", lambda: bundles.bundle("another", NEWER, keys=bundles.other_keys()), "signed",
+            without=trust_the_other, back=run_script_back),
+    Refusal("altered_description",
+            lambda: bundles.described(good(), "altered", lambda text: text.replace(NEWER, "9.9.1"), keys=None),
+            "signed|altered"),
+    Refusal("older", lambda: bundles.bundle("older", OLDER), f"{OLDER} is older",
+            arrange=prevent_downgrade, undo=allow_downgrade,
+            without=gate_without(r"/prevent_downgrade) in/,/^esac/"), back=gate_back),
+    Refusal("no_space",
+            lambda: bundles.described(good(), "large", lambda text: re.sub(
+                r'slot-octets = "\d+"', 'slot-octets = "200000000"', text)), "200000000 octets",
+            without=gate_without(r"/^if .*octets/,/^fi/"), back=gate_back),
+    Refusal("noise", lambda: bundles.noise("noise"), "bundle"),
+)
+
+
+def untouched(appliance):
+    """What an update that is refused leaves alone."""
+    variables = appliance.variables()
+    return (variables, appliance.sectors_written(7), appliance.sectors_written(6), appliance.sectors_written(1))
+
+
+@pytest.mark.parametrize("refusal", REFUSALS, ids=lambda refusal: refusal.name)
+def test_refused_before_anything_is_written(grounded, refusal):
+    machine, bundle = grounded.machine, refusal.bundle()
+    if refusal.arrange:
+        refusal.arrange(machine)
+    try:
+        before = untouched(grounded)
+        got = grounded.install(bundle)
+        assert got.code == 1, got.output
+        result = grounded.result()
+        assert result["outcome"] == "refused"
+        assert result["from"] == bundles.running_version()
+        assert re.search(refusal.says, result["sentence"]), result["sentence"]
+        assert result["sentence"] in got.output
+        assert grounded.state() == "idle"
+        assert untouched(grounded) == before
+        assert grounded.protected()
+        machine.wait_on_air()
+    finally:
+        if refusal.undo:
+            refusal.undo(machine)
+
+
+def accepted(appliance, bundle):
+    """Is it installed? Nobody restarts the board for it, and afterwards it is as before."""
+    machine = appliance.machine
+    machine.must("sv down update; sleep 1")
+    try:
+        appliance.begin(bundle)
+        try:
+            wait_for("the mark in U-Boot's variables",
+                           lambda: appliance.variables().get("trial") == "b", 30)
+            return True
+        except TimeoutError:
+            return False
+    finally:
+        appliance.ended()
+        machine.must("fw_setenv upgrade_available 0; fw_setenv trial; blockdev --setro /dev/disk/odid/slot-b; "
+                     "sv up update; sleep 1")
+        appliance.wait_ready()
+
+
+@pytest.mark.parametrize("refusal", [one for one in REFUSALS if one.without], ids=lambda refusal: refusal.name)
+def test_without_the_check_it_would_be_installed(grounded, refusal):
+    machine, bundle = grounded.machine, refusal.bundle()
+    if refusal.arrange:
+        refusal.arrange(machine)
+    refusal.without(machine)
+    try:
+        assert accepted(grounded, bundle)
+    finally:
+        refusal.back(machine)
+        if refusal.undo:
+            refusal.undo(machine)
+
+
+# --- a payload that isn't what was signed ------------------------------------------
+
+
+@pytest.mark.parametrize("spoil", [bundles.damaged, bundles.cut_short], ids=["damaged", "cut_short"])
+def test_a_wrong_payload_is_never_marked(grounded, spoil):
+    before = grounded.variables()
+    written = grounded.sectors_written(6), grounded.sectors_written(5)
+    got = grounded.install(spoil(good(), "spoilt"))
+    assert got.code == 1, got.output
+    assert re.search("damaged|cut short", grounded.result()["sentence"])
+    assert grounded.variables() == before
+    assert (grounded.sectors_written(6), grounded.sectors_written(5)) == written
+    assert grounded.protected()
+
+
+def test_the_bundle_itself_is_good(grounded):
+    """Else the tests above would pass for the wrong reason."""
+    assert accepted(grounded, good())
+
+
+# --- one at a time -----------------------------------------------------------
+
+
+def test_a_second_one_at_the_same_time(grounded):
+    bundle = good()
+    grounded.begin(bundles.damaged(bundle, "first"), rate=bundle.stat().st_size // 8)
+    grounded.wait_state("installing")
+    second = grounded.install(bundle)
+    assert second.code == 3
+    assert "another update is being installed" in second.output
+    assert grounded.ended()[0] == 1     # the first one went on to its own end
+    assert "damaged" in grounded.result()["sentence"]
+
+
+def test_not_over_a_slot_on_trial(grounded):
+    grounded.machine.must("fw_setenv upgrade_available 1")
+    try:
+        got = grounded.install(good())
+        assert got.code == 1, got.output
+        assert "on trial" in grounded.result()["sentence"]
+    finally:
+        grounded.machine.must("fw_setenv upgrade_available 0")
+    gate_without(r"/^if .*upgrade_available/,/^fi/")(grounded.machine)
+    try:
+        grounded.machine.must("fw_setenv upgrade_available 1")
+        assert accepted(grounded, good())
+    finally:
+        gate_back(grounded.machine)
+
+
+def test_not_over_the_slot_to_go_back_to(grounded):
+    """The running slot failed its trial and waits for the restart."""
+    grounded.machine.must("fw_setenv trial_failed a")
+    try:
+        got = grounded.install(good())
+        assert got.code == 1, got.output
+        assert "failed its trial" in grounded.result()["sentence"]
+        gate_without(r"/^if .*trial_failed/,/^fi/")(grounded.machine)
+        try:
+            assert accepted(grounded, good())
+        finally:
+            gate_back(grounded.machine)
+    finally:
+        grounded.machine.must("fw_setenv trial_failed")
+
+
+# --- armed -------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("logs")
+    return {armed: autopilot.generate(folder, armed) for armed in (False, True)}
+
+
+def test_armed_and_lost_while_armed(grounded, logs):
+    machine = grounded.machine
+    machine.play(logs[True])
+    wait_for("armed", grounded.armed, 30)
+    try:
+        before = untouched(grounded)
+        got = grounded.install(good())
+        assert got.code == 1, got.output
+        assert "armed" in grounded.result()["sentence"]
+        # Its cable is pulled: it flies on.
+        machine.unplug()
+        wait_for("lost", lambda: grounded.armed() is None, 30)
+        machine.must("rm -f /data/odid/update.json")
+        got = grounded.install(good())
+        assert got.code == 1, got.output
+        assert "armed" in grounded.result()["sentence"]
+        assert untouched(grounded) == before
+        # Also for the gate alone: odid-update ends SWUpdate a second after it began, at the latest.
+        gate_without(r"/^if .*armed/,/^fi/")(machine)
+        try:
+            assert accepted(grounded, good())
+        finally:
+            gate_back(machine)
+    finally:
+        machine.plug()
+        machine.play(logs[False])
+        wait_for("disarmed", lambda: grounded.armed() is False, 30)
+        time.sleep(3)

@@ -1,0 +1,193 @@
+"""A new slot on trial: kept when it does what the one before did, else given up, with the reason."""
+
+import re
+import time
+from collections import namedtuple
+
+import pytest
+from bench import disk as disks
+from bench.machine import configuration
+
+from . import bundles
+from .appliance import wait_for
+from .bundles import NEWER, OLDER
+
+INSTALL_S = 60
+BACK_ON_AIR_S = 90
+
+# changes: what is wrong with the new slot; says: the reason that is kept; itself: the new slot gives
+# itself up, rather than the boot loader.
+Failure = namedtuple("Failure", "name changes says itself", defaults=(True,))
+
+HANGS = b"#!/bin/sh\nwhile :; do sleep 1000; done\n"
+CRASHES = b"#!/bin/sh\nsleep 1\nkill -SEGV $$\n"
+
+FAILURES = (
+    # It stands for a missing firmware file: no Bluetooth controller comes.
+    Failure("no_bluetooth", {"usr/sbin/hci-attach": None}, "Bluetooth.*isn't on the air"),
+    Failure("daemon_crashes", {"usr/sbin/odid-daemon": CRASHES}, "daemon"),
+    Failure("radio_configuration", {"etc/hostapd/hostapd.conf.in": b"interface=@INTERFACE@\nnonsense=1\n"},
+            "Wi-Fi.*isn't on the air"),
+    Failure("a_service", {"usr/sbin/dropbear": None, "etc/sv/syslogd/run": b"#!/bin/sh\nexit 1\n"}, "service syslogd"),
+    Failure("kernel_panics", {"sbin/init": None, "bin/init": None, "etc/init": None, "bin/sh": None},
+            "three starts", False),
+    Failure("init_hangs", {"sbin/init": HANGS}, "three starts", False),
+    Failure("no_kernel", {"boot/Image": b"no kernel"}, "slot b kernel refused", False),
+)
+
+
+@pytest.fixture
+def ready(make_appliance, request):
+    one = make_appliance(re.sub(r"\W+", "_", request.node.name))
+    one.power_on()
+    one.wait_ready()
+    return one
+
+
+def installed(appliance, bundle):
+    """Gives it the bundle, and waits until its slot was started; when that was."""
+    before, began = appliance.starts(), time.monotonic()
+    got = appliance.install(bundle)
+    took = time.monotonic() - began
+    assert got.code == 0, got.output
+    assert took <= INSTALL_S
+    print(f"install_s {took:.1f}")
+    if appliance.machine.shell:
+        appliance.machine.shell.close()
+        appliance.machine.shell = None
+    wait_for("the restart", lambda: appliance.starts() > before, 60)
+    return time.monotonic()
+
+
+def test_one_that_does_what_the_old_one_did_is_kept(ready):
+    """In a hangar: no autopilot, no position."""
+    machine = ready.machine
+    machine.must("odidctl set self_id.description Kept", 30)
+    machine.wait_on_air()
+    began = installed(ready, bundles.bundle("good", NEWER))
+    machine.wait_shell()
+    machine.wait_on_air(timeout_s=60)
+    print(f"restart_to_air_s {time.monotonic() - began:.1f}")
+    assert ready.slot() == "b"
+    assert ready.version() == NEWER
+    ready.wait_state("trial")
+    assert "update in progress" in machine.must("odidctl status; true")
+    # Another one meanwhile is refused, and changes nothing about the trial.
+    ready.wait_ready()
+    got = ready.install(bundles.bundle("older", OLDER))
+    assert got.code == 1, got.output
+    assert "on trial" in ready.result()["sentence"]
+    assert ready.state() == "trial"
+    ready.wait_state("idle")
+    print(f"restart_to_commit_s {time.monotonic() - began:.1f}")
+    variables = ready.variables()
+    assert variables["slot"] == "b"
+    assert variables["upgrade_available"] == "0"
+    assert "trial" not in variables
+    result = ready.result()
+    assert result["outcome"] == "installed"
+    assert (result["from"], result["to"]) == (bundles.running_version(), NEWER)
+    assert "update in progress" not in machine.must("odidctl status; true")
+    assert machine.must("odidctl get self_id.description").strip() == "Kept"
+
+    # And back to an older one, which nobody forbade; the settings stay.
+    installed(ready, bundles.bundle("older", OLDER))
+    machine.wait_shell()
+    machine.wait_on_air(timeout_s=60)
+    ready.wait_state("trial")
+    ready.wait_state("idle")
+    assert ready.slot() == "a"
+    assert ready.variables()["slot"] == "a"
+    assert ready.result()["to"] == OLDER
+    assert machine.must("odidctl get self_id.description").strip() == "Kept"
+    machine.cut_power()
+    machine.power_on()
+    assert ready.slot() == "a"
+    assert ready.version() == OLDER
+
+
+@pytest.mark.parametrize("failure", FAILURES, ids=lambda failure: failure.name)
+def test_one_that_fails_is_given_up_without_a_hand_on_it(ready, failure):
+    machine = ready.machine
+    bundle = bundles.bundle(failure.name, NEWER, failure.changes)
+    before = ready.starts()
+    began = installed(ready, bundle)
+    if failure.itself:
+        machine.wait_shell()
+        failed = wait_for("the reason", lambda: ready.result() and time.monotonic(), 120)
+        ready.wait_restart(before + 1)
+    else:
+        wait_for("the old slot", lambda: re.search(
+            r"odid\.slot=a odid\.fallback", machine.console_text()), 150)
+        failed = began if failure.name == "no_kernel" else time.monotonic()
+        machine.wait_shell()
+    machine.wait_on_air(timeout_s=60)
+    took = time.monotonic() - failed
+    print(f"{failure.name}: failed_to_air_s {took:.1f}, restart_to_air_s {time.monotonic() - began:.1f}")
+    assert took <= BACK_ON_AIR_S
+    assert ready.slot() == "a"
+    assert ready.version() == bundles.running_version()
+    result = wait_for("the result", ready.result, 30)
+    assert result["outcome"] == "rolled-back"
+    assert re.search(failure.says, result["sentence"]), result["sentence"]
+    assert (result["from"], result["to"]) == (bundles.running_version(), NEWER)
+    assert result["sentence"] in machine.must("odidctl update")
+    ready.wait_state("idle")
+    variables = ready.variables()
+    assert (variables["slot"], variables["upgrade_available"]) == ("a", "0")
+    # The next power-on doesn't try it again.
+    machine.cut_power()
+    machine.power_on()
+    assert ready.slot() == "a"
+
+
+def test_a_channel_that_never_worked_is_not_asked_for(make_appliance):
+    """A board without Bluetooth takes an update as any other."""
+    one = make_appliance("no-bluetooth", config={"odid.conf": configuration(
+        broadcast={"bt4_enabled": "false", "bt5_enabled": "false"})})
+    one.machine.power_on()
+    one.machine.wait_on_air(channels=("wifi",))
+    one.wait_ready()
+    installed(one, bundles.bundle("no_bluetooth", NEWER, {"usr/sbin/hci-attach": None}))
+    one.machine.wait_shell()
+    one.wait_state("trial")
+    one.wait_state("idle")
+    assert one.result()["outcome"] == "installed"
+
+
+def test_switched_off_ten_times_on_trial(ready):
+    """Quickly, after 1 to 10 s: it is on trial still, and is kept when it is left alone."""
+    installed(ready, bundles.bundle("good", NEWER))
+    machine = ready.machine
+    for seconds in range(1, 11):
+        machine.cut_power()
+        machine.power_on(wait=False)
+        time.sleep(seconds)
+    machine.cut_power()
+    ready.power_on()
+    assert ready.slot() == "b"
+    ready.wait_state("trial")
+    ready.wait_state("idle")
+    assert ready.result()["outcome"] == "installed"
+
+
+@pytest.mark.parametrize("where", ["kernel", "superblock"])
+def test_a_committed_slot_that_rots_gives_way(ready, where):
+    """Without a trial's counter; it is reported; and an update makes it whole again."""
+    machine = ready.machine
+    machine.cut_power()
+    ready.damage(disks.SLOT_A, {"kernel": 4_000_256, "superblock": 0}[where])
+    ready.power_on()
+    assert ready.slot() == "b"
+    assert re.search("slot a (damaged|unreadable)", machine.must("cat /run/faults/slot"))
+    assert "damaged" in machine.must("odidctl status; true") or "unreadable" in machine.must("odidctl status; true")
+    assert ready.variables()["slot"] == "a"
+    assert ready.variables().get("upgrade_available", "0") == "0"
+    ready.wait_ready()
+    installed(ready, bundles.bundle("good", NEWER))
+    machine.wait_shell()
+    machine.wait_on_air(timeout_s=60)
+    assert ready.slot() == "a"
+    ready.wait_state("trial")
+    ready.wait_state("idle")
+    assert ready.result()["outcome"] == "installed"
