@@ -51,7 +51,7 @@ class Recorded(Machine):
 
     def record(self, base, live, log):
         disks.call("qemu-img", "convert", "-O", "raw", self.disk.path, base)
-        shutil.copyfile(base, live)
+        disks.call("cp", "--sparse=always", base, live)
         log.write_bytes(b"")
         self._drive = writes.drive(live, log)
         self._log = log
@@ -180,7 +180,7 @@ class Judge:
 
     def __init__(self, folder):
         self.image = folder / "cut"
-        shutil.copyfile(folder / "base", self.image)
+        disks.call("cp", "--sparse=always", folder / "base", self.image)
         self.machine = Machine(folder / "judge", config={}, image=self.image)
 
     def close(self):

@@ -76,8 +76,7 @@ def test_one_that_does_what_the_old_one_did_is_kept(ready):
     ready.wait_ready()
     got = ready.install(bundles.bundle("older", OLDER))
     assert got.code == 1, got.output
-    assert "on trial" in ready.result()["sentence"]
-    assert ready.state() == "trial"
+    assert "on trial" in got.output
     ready.wait_state("idle")
     print(f"restart_to_commit_s {time.monotonic() - began:.1f}")
     variables = ready.variables()
@@ -131,8 +130,8 @@ def test_one_that_fails_is_given_up_without_a_hand_on_it(ready, failure):
     assert result["outcome"] == "rolled-back"
     assert re.search(failure.says, result["sentence"]), result["sentence"]
     assert (result["from"], result["to"]) == (bundles.running_version(), NEWER)
-    assert result["sentence"] in machine.must("odidctl update")
     ready.wait_state("idle")
+    assert result["sentence"] in machine.must("odidctl update")
     variables = ready.variables()
     assert (variables["slot"], variables["upgrade_available"]) == ("a", "0")
     # The next power-on doesn't try it again.

@@ -6,8 +6,8 @@ describes it, followed by its data.
 """
 
 import random
-import shutil
 import struct
+import subprocess
 from collections import namedtuple
 
 SECTOR = 512
@@ -105,7 +105,7 @@ def left(requests, boundary, chance):
 
 def disk(base, log, requests, boundary, extra, out):
     """Makes the disk: base, all requests before the boundary, and those of `extra`."""
-    shutil.copyfile(base, out)
+    subprocess.run(["cp", "--sparse=always", base, out], check=True)
     with open(log, "rb") as record, open(out, "r+b") as image:
         for request in (*requests[:boundary], *extra):
             if not request.sectors:

@@ -68,7 +68,8 @@ static int tell(const struct odidctl_places *places)
     struct json_object *result = read_json(places->data, UPDATE_RESULT_FILE);
     const char *time = text_of(result, "time");
 
-    puts(state == NULL ? "Nothing looks after updates here." : text_of(state, "sentence"));
+    puts(state == NULL ? "Nothing looks after updates yet: that begins some seconds after power-on."
+                       : text_of(state, "sentence"));
     if (result != NULL) {
         printf("The last one%s%s%s: %s\n", time[0] == '\0' ? "" : " (", time,
                time[0] == '\0' ? "" : ")", text_of(result, "sentence"));
