@@ -133,7 +133,15 @@ def test_what_can_not_be_read_is_null(appliance):
     appliance.write("data/odid/update.json", "[1]")
     status = appliance.ask("GET", "/api/status", cookie=appliance.login())[1]
     assert status == {"daemon": None, "daemon_silence": "not running", "faults": [], "version": None, "slot": None,
-                      "update": None, "last_update": None}
+                      "update": None, "last_update": None, "last_update_mark": None}
+
+
+def test_the_same_result_twice_is_two_results(appliance):
+    cookie, marks = appliance.login(), set()
+    for _ in range(3):
+        appliance.last_update("refused", "The bundle isn't signed.", at=None)
+        marks.add(appliance.ask("GET", "/api/status", cookie=cookie)[1]["last_update_mark"])
+    assert len(marks) == 3
 
 
 def test_a_daemon_that_hangs_is_said_to(appliance):

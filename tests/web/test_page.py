@@ -327,6 +327,26 @@ def test_an_updater_that_stops_without_a_word_is_said_to(browse, appliance, upda
     assert browser.kind("#update-said") == "bad" and not browser.page.locator("#progress").is_visible()
 
 
+def test_a_bundle_of_which_nothing_is_heard_again_is_said_to_be(browse, appliance, updater):
+    browser = browse()
+    browser.page.clock.install()
+    install(browser, bundle(appliance, 1000))
+    browser.sees("#progress-label", "checks and installs it")
+    browser.page.clock.run_for(20000)
+    browser.sees("#update-said", "nothing says what became of it")
+
+
+def test_the_same_refusal_again_is_seen(browse, appliance, updater):
+    browser = browse()
+    for _ in range(2):
+        updater.over.clear()
+        install(browser, bundle(appliance, 1000))
+        assert updater.over.wait(5)
+        appliance.last_update("refused", REFUSED, at=None)
+        browser.page.wait_for_selector("#progress", state="hidden")
+        browser.sees("#last-update", "Last update: Refused.*time unknown")
+
+
 def test_a_roll_back_says_why(browse, appliance):
     appliance.last_update("rolled-back", "Version 1.5.0 didn't get Bluetooth on the air within 60 s.")
     browser = browse()

@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
 #include "odidctl_flights.h"
 #include "utf8.h"
@@ -55,12 +56,27 @@ static struct json_object *object_of(const char *directory, const char *name)
     return object;
 }
 
-static struct json_object *last_update(const struct odidctl_places *places)
+/*
+ * The last result, and a mark that changes with each: two updates may be
+ * refused for the same reason, at a time that nobody knows.
+ */
+static void add_last_update(struct json_object *root, const struct odidctl_places *places)
 {
-    char directory[ODIDCTL_PATH_SIZE];
+    char directory[ODIDCTL_PATH_SIZE], path[ODIDCTL_PATH_SIZE + 16], mark[64];
+    struct json_object *result;
+    struct stat file;
 
     snprintf(directory, sizeof(directory), "%s/odid", places->data);
-    return object_of(directory, "update.json");
+    snprintf(path, sizeof(path), "%s/update.json", directory);
+    result = object_of(directory, "update.json");
+    add(root, "last_update", result);
+    if (result == NULL || stat(path, &file) < 0) {
+        add(root, "last_update_mark", NULL);
+        return;
+    }
+    snprintf(mark, sizeof(mark), "%llu-%lld.%09ld", (unsigned long long)file.st_ino,
+             (long long)file.st_mtim.tv_sec, file.st_mtim.tv_nsec);
+    add(root, "last_update_mark", json_object_new_string(mark));
 }
 
 /* Why the daemon gave no status. */
@@ -95,7 +111,7 @@ struct json_object *web_status(const struct odidctl_places *places,
     snprintf(path, sizeof(path), "%s/slot", places->state);
     add(root, "slot", line_of(path));
     add(root, "update", object_of(places->state, "update.json"));
-    add(root, "last_update", last_update(places));
+    add_last_update(root, places);
     return root;
 }
 

@@ -315,7 +315,8 @@ function showSoftware(answer) {
   }
 }
 
-// { request, begun, before: the last result then, sent, installing, stopped: why, until: when that is said }
+// { request, begun, before: the last result's mark then, sent, installing, stopped: why, quiet: since when nothing
+// goes on though all is sent }
 let upload = null;
 
 function showProgress(label, percent, text) {
@@ -343,14 +344,16 @@ function showUpdate(answer) {
     // Better than what has been sent: part of that lies in buffers still.
     showProgress(update.sentence || "Installing", update.percent, left(update.percent, update.seconds_left));
   }
+  if (upload && busy) upload.quiet = performance.now();
   if (upload && !upload.sent) {
     upload.installing = busy && update.percent !== null;
     // Refused while it is still being sent: the sentence is there before the last octet is.
     if (ended(answer) && answer.last_update.outcome === "refused") endUpload("");
   } else if (upload && !busy && ended(answer)) {
     endUpload("");
-  } else if (upload && upload.stopped && performance.now() > upload.until) {
-    endUpload("bad", upload.stopped);
+  } else if (upload && !busy && performance.now() > upload.quiet + (upload.stopped ? 3 : 15) * POLL_MS) {
+    endUpload("bad", upload.stopped || "The file was sent, but nothing says what became of it. Switch the power off and " +
+      "on, and look here again.");
   } else if (!upload && !busy) {
     $("progress").hidden = true;
   }
@@ -360,7 +363,7 @@ function showUpdate(answer) {
 
 // Is there a result that wasn't there when the upload began? It says more than we could.
 function ended(answer) {
-  return answer.last_update !== null && JSON.stringify(answer.last_update) !== upload.before;
+  return answer.last_update !== null && answer.last_update_mark !== upload.before;
 }
 
 function endUpload(kind, ...sentences) {
@@ -396,7 +399,8 @@ function sent(request) {
     upload.sent = true;
     $("cancel").hidden = true;
     // Why it stopped is told by the result, a moment later.
-    if (request.status === STOPPED) Object.assign(upload, { stopped: told, until: performance.now() + 3 * POLL_MS });
+    upload.quiet = performance.now();
+    if (request.status === STOPPED) upload.stopped = told;
     showProgress(request.status === STOPPED ? "It stopped; looking why" : "The aircraft checks and installs it", null, "");
     return;
   }
@@ -415,7 +419,7 @@ function install(event) {
     return;
   }
   const request = new XMLHttpRequest(); // fetch() doesn't tell how far it is
-  upload = { request, begun: performance.now(), sent: false, before: JSON.stringify(status ? status.last_update : null) };
+  upload = { request, begun: performance.now(), sent: false, before: status && status.last_update_mark };
   say($("update-said"), "");
   request.open("POST", "api/update");
   request.setRequestHeader("X-Odid-Page", "1");
