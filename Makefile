@@ -196,22 +196,22 @@ define test-levels
 @$(RUN) -m pytest tests --ignore=tests/bench --ignore=tests/image --ignore=tests/update $(PYTEST) \
 	--junit-xml=build/test/host.xml || \
 	$(call left,host)
-@$(RUN) -m pytest tests/bench $(PYTEST) --junit-xml=build/test/system.xml || $(call left,system)
+@$(RUN) -m pytest tests/bench tests/update $(PYTEST) --junit-xml=build/test/system.xml || $(call left,system)
 endef
 
 PYTEST = -o cache_dir=build/pytest -ra --continue-on-collection-errors
 
 .PHONY: system faults-without
 system: appliance
-	@$(RUN) -m pytest tests/bench $(PYTEST)
+	@$(RUN) -m pytest tests/bench tests/update $(PYTEST)
 
 faults-without: appliance
 	@$(RUN) tests/bench/without.py
 
-# Bundles, refusals, trials, roll-backs, and a draw of the power cuts.
+# Bundles, refusals, trials, roll-backs.
 .PHONY: update power-cuts
 update: appliance
-	@$(RUN) -m pytest tests/update -o cache_dir=build/pytest -ra
+	@TEST_LONG=1 $(RUN) -m pytest tests/update --ignore=tests/update/test_power_cuts.py $(PYTEST)
 
 # Goes on where it was broken off; CONTROL= takes a protection out, and has to fail.
 COUNT ?= 300

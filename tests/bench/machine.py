@@ -158,10 +158,10 @@ class Machine:
     config: the files of the CONFIG volume; default: an identity as a society's technician gives it.
     """
 
-    def __init__(self, folder, config=None, image=disks.IMAGE, memory_mib=384):
+    def __init__(self, folder, config=None, image=disks.IMAGE, memory_mib=384, processors=2):
         self.folder = Path(folder)
         self.folder.mkdir(parents=True, exist_ok=True)
-        self.memory_mib = memory_mib
+        self.memory_mib, self.processors = memory_mib, processors
         self.console, self.pcap = self.folder / "console.log", self.folder / "wifi.pcap"
         self.set_log = self.folder / "set.jsonl"
         for old in (*self.folder.glob("*.log"), *self.folder.glob("*.jsonl"), self.pcap):
@@ -201,7 +201,7 @@ class Machine:
     def _words(self, rtc, adapter, radios):
         words = [
             "setpriv", "--pdeathsig", "KILL",  # it would go on, and cost much, when we are killed
-            QEMU, "-M", "virt,gic-version=3", "-cpu", "cortex-a72", "-accel", "tcg,thread=multi", "-smp", 2,
+            QEMU, "-M", "virt,gic-version=3", "-cpu", "cortex-a72", "-accel", "tcg,thread=multi", "-smp", self.processors,
             "-m", self.memory_mib, "-nodefaults", "-display", "none", "-bios", disks.LOADER,
             "-chardev", f"file,id=console,path={self.console},append=on", "-serial", "chardev:console",
             "-qmp", f"unix:{self._sockets}/qmp,server=on,wait=off",

@@ -2,8 +2,10 @@
 
 import hashlib
 import os
+import re
 import shutil
 import subprocess
+from collections import namedtuple
 from pathlib import Path
 
 from bench import disk as disks
@@ -14,6 +16,14 @@ COMMON = parts.ROOT / "board/common"
 KEYS = Path(os.environ.get("KEYS") or parts.ROOT / "build/keys")
 BOARD = "qemu"
 NEWER, OLDER = "9.9.0", "0.0.1"
+
+
+# changes: what is wrong with the new slot; says: the reason that is kept; itself: the new slot gives
+# itself up, rather than the boot loader.
+Failure = namedtuple("Failure", "name changes says itself", defaults=(True,))
+# It stands for a missing firmware file: no Bluetooth controller comes.
+NO_BLUETOOTH = Failure("no_bluetooth", {"usr/sbin/hci-attach": None}, "Bluetooth.*isn't on the air")
+NO_KERNEL = Failure("no_kernel", {"boot/Image": b"no kernel"}, "slot b kernel refused", False)
 
 
 def call(*words, **options):
@@ -126,6 +136,18 @@ def described(source, name, edit, keys=KEYS):
 
 def unsigned(source, name):
     return put_together(parts_of(source), ["sw-description", "slot.img"], BUILD / f"{name}.swu")
+
+
+def signed_with(source, name, signature):
+    folder = parts_of(source)
+    (folder / "sw-description.sig").write_bytes(signature)
+    return put_together(folder, ["sw-description", "sw-description.sig", "slot.img"], BUILD / f"{name}.swu")
+
+
+def sha256_in(source):
+    """What the description says of the slot."""
+    text = (parts_of(source) / "sw-description").read_text(encoding="utf-8")
+    return re.search(r'sha256 = "([0-9a-f]{64})"', text)[1]
 
 
 def damaged(source, name):

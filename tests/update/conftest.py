@@ -27,7 +27,7 @@ def make_appliance():
         one.close()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def grounded():
     """An appliance that is ready for a bundle; what it is given it refuses."""
     one = Appliance("grounded")

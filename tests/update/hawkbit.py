@@ -1,6 +1,7 @@
 """A model of a hawkBit server's device API ("DDI"), for one device: what it offers, and what it is told.
 
-Paths, fields and values are those of the API's published description (https://eclipse.dev/hawkbit/rest-api/ddi/).
+Paths, fields and values are those of the API's published description (https://eclipse.dev/hawkbit/rest-api/ddi/,
+and the classes DdiStatus, DdiResult, DdiDeployment, DdiArtifact, DdiConfigData that it is generated from).
 What the device sends is held against it; what doesn't fit is an entry in `violations`.
 """
 
@@ -8,6 +9,7 @@ import hashlib
 import http.server
 import json
 import re
+import ssl
 import threading
 from pathlib import Path
 
@@ -15,6 +17,10 @@ EXECUTIONS = {"closed", "proceeding", "canceled", "scheduled", "rejected", "resu
 FINISHED = {"success", "failure", "none"}
 GUEST_SEES = "10.0.2.2"
 JSON = "application/hal+json"
+
+
+def is_integer(value):
+    return isinstance(value, int) and not isinstance(value, bool)
 
 
 def check_feedback(body):
@@ -28,16 +34,33 @@ def check_feedback(body):
     result = status.get("result")
     if not isinstance(result, dict) or result.get("finished") not in FINISHED:
         wrong.append(f"result {result!r}")
+    elif not all(is_integer(value) for value in result.get("progress", {}).values()):
+        wrong.append(f"progress {result['progress']!r}")
+    if not is_integer(status.get("code", 0)):
+        wrong.append(f"code {status['code']!r}")
     details = status.get("details", [])
-    if not isinstance(details, list) or not all(isinstance(line, str) and len(line) <= 512 for line in details):
+    if not isinstance(details, list) or not all(isinstance(line, str) for line in details):
         wrong.append(f"details {details!r}")
     return wrong
 
 
-class HawkBit:
-    """One action at a time, for the device `name` of `tenant`, which shows `token`."""
+def check_attributes(body):
+    """The same of a device's attributes."""
+    data = body.get("data")
+    wrong = []
+    if not isinstance(data, dict) or not data or not all(isinstance(value, str) for value in data.values()):
+        wrong.append(f"data {data!r}")
+    if body.get("mode", "merge") not in ("merge", "replace", "remove"):
+        wrong.append(f"mode {body['mode']!r}")
+    return wrong
 
-    def __init__(self, name, tenant="DEFAULT", token="a-test-token", poll_s=3):
+
+class HawkBit:
+    """One action at a time, for the device `name` of `tenant`, which shows `token`.
+
+    tls: (certificate, key), files; default: without TLS."""
+
+    def __init__(self, name, tenant="DEFAULT", token="a-test-token", poll_s=3, tls=None):
         self.name, self.tenant, self.token, self.poll_s = name, tenant, token, poll_s
         self.action = self.bundle = self.version = None
         self.polls, self.bytes_in, self.bytes_out = 0, 0, 0
@@ -68,8 +91,14 @@ class HawkBit:
 
         self._server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler)
         self._server.daemon_threads = True
+        if tls:
+            context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+            context.load_cert_chain(*tls)
+            # Not while it accepts: one device that doesn't go on must not keep the others waiting.
+            self._server.socket = context.wrap_socket(self._server.socket, server_side=True,
+                                                      do_handshake_on_connect=False)
         threading.Thread(target=self._server.serve_forever, daemon=True).start()
-        self.url = f"http://{GUEST_SEES}:{self._server.server_address[1]}"
+        self.url = f"{'https' if tls else 'http'}://{GUEST_SEES}:{self._server.server_address[1]}"
         self.base = f"/{tenant}/controller/v1/{name}"
 
     def stop(self):
@@ -136,12 +165,15 @@ class HawkBit:
 
     def _take_attributes(self, request, body):
         got = json.loads(body)
-        if not isinstance(got.get("data"), dict) or got.get("mode", "merge") not in ("merge", "replace", "remove"):
-            self.violations.append(f"configData {got}")
+        self.violations += [f"configData: {wrong}" for wrong in check_attributes(got)]
         self.attributes = got.get("data", {})
         request.give(200)
 
     def _take_feedback(self, request, body):
+        if self.outcome(self.action) is not None:
+            self.violations.append(f"feedback to action {self.action}, which is closed")
+            request.give(410)
+            return
         got = json.loads(body)
         self.violations += [f"feedback: {wrong}" for wrong in check_feedback(got)]
         self.feedback.append((self.action, got))

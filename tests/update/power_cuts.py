@@ -1,10 +1,11 @@
 """Power fails at any instant: python3 -m update.power_cuts [--count N] [--seed N] [--control NAME].
 
 One course of the appliance is recorded, with every write and flush: first boot with a new file on CONFIG,
-a setting, an update from its first octet to its commit, another setting, another update into the other
-slot. Then disks are made as a power cut at some instant would leave them (writes.py); each is booted, and
-has to be on the air, with the version and the settings of before the cut or of after it; never with
-older ones than had been promised to whoever asked.
+a setting, an update from its first octet to its commit, one that fails its trial and is rolled back,
+another setting, one that is kept in the other slot. Then disks are made as a power cut at some instant
+would leave them (writes.py); each is booted, and has to be heard on every channel, with the version and
+the settings of before the cut or of after it; never with older ones than had been promised to whoever
+asked.
 
 What is done already isn't done again: build/update/power-cuts holds the record, and a line for each cut.
 A control run takes one protection out, and must fail:
@@ -15,33 +16,27 @@ A control run takes one protection out, and must fail:
 
 import argparse
 import json
-import os
+import queue
 import random
 import shutil
-import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
 from bench import disk as disks
-from bench.machine import Machine, configuration, missing
+from bench.machine import CHANNELS, Machine, configuration, missing
+from host import parts
 
-from . import bundles, writes
+from . import bundles, figures, preload, writes
 from .appliance import Appliance, wait_for
 
 FOLDER = bundles.BUILD / "power-cuts"
-FIGURES = bundles.BUILD / "figures.json"
 CONTROLS = ("one-copy", "no-flush")
 FIRST, SECOND, THIRD = "From CONFIG", "Set by odidctl", "Set again"
-VERSIONS = ("1.0.0", "2.0.0")
-HARMLESS_FAULTS = {"autopilot", "watchdog"}
-
-NO_FLUSH = """
-int fsync(int fd) { (void)fd; return 0; }
-int fdatasync(int fd) { (void)fd; return 0; }
-void sync(void) {}
-"""
-
+VERSIONS = ("1.0.0", "2.0.0", "3.0.0")
+HARMLESS_FAULTS = {"autopilot", "watchdog", "update"}    # the last one: an update was rolled back
+JOBS = 2        # machines at a time, with one processor each; nothing that is judged is a matter of seconds
 
 # --- the course ------------------------------------------------------------------
 
@@ -56,8 +51,8 @@ class Recorded(Machine):
         self._drive = writes.drive(live, log)
         self._log = log
 
-    def _words(self, rtc, adapter):
-        words = super()._words(rtc, adapter)
+    def _words(self, rtc, adapter, radios):
+        words = super()._words(rtc, adapter, radios)
         at = next(i for i, word in enumerate(words) if str(word).startswith("if=none,id=disk"))
         words[at - 1:at + 1] = ["-blockdev", self._drive]
         return words
@@ -68,7 +63,7 @@ class Course:
 
     def __init__(self, folder, control):
         self.log, self.base = folder / "log", folder / "base"
-        self.control, self.promises = control, []
+        self.control, self.promises, self.figures = control, [], {}
         self.machine = Recorded(folder / "machine", config={
             "odid.conf": configuration(self_id={"description": FIRST})})
         self.appliance = Appliance(machine=self.machine)
@@ -84,30 +79,54 @@ class Course:
 
     def set(self, description):
         self.may("description", description)
-        preload = ""
-        if self.control == "no-flush":
-            preload = "LD_PRELOAD=/tmp/noflush.so "
+        preload = "LD_PRELOAD=/tmp/noflush.so " if self.control == "no-flush" else ""
         self.machine.must(f"{preload}odidctl set self_id.description '{description}'", 30)
         self.must("description", description)
         time.sleep(2)
 
-    def update(self, version):
+    def install(self, bundle, version):
+        """Up to the first start of its slot."""
         one = self.appliance
         one.wait_ready()
-        before = one.starts()
+        before, began = one.starts(), time.monotonic()
         self.may("version", version)
-        got = one.install(bundles.bundle(f"v{version}", version))
+        got = one.install(bundle)
         if got.code:
             raise RuntimeError(got.output)
-        self.must("version", version)
+        self.figures.setdefault("install_s", round(time.monotonic() - began, 1))
         one.wait_restart(before)
+        return before + 1
+
+    def update(self, version):
+        one = self.appliance
+        old = one.version()
+        self.install(bundles.bundle(f"v{version}", version), version)
         self.machine.wait_on_air(timeout_s=60)
         wait_for("the trial", lambda: one.state() == "trial", 60)
         wait_for("the commit", lambda: one.state() == "idle", 120)
+        self.must("version", version)
+        self.expect(version, {"outcome": "installed", "from": old, "to": version})
 
-    def run(self):
-        if self.control == "no-flush":
-            library = compiled(NO_FLUSH, self.log.parent / "noflush.so")
+    def update_in_vain(self, version, failure):
+        one = self.appliance
+        old = one.version()
+        self.may("fault", "slot")       # the boot loader says so, each time that it gives the new one up
+        starts = self.install(bundles.bundle(failure.name, version, failure.changes), version)
+        if failure.itself:
+            one.wait_restart(starts, 180)
+        self.machine.wait_on_air(timeout_s=60)
+        wait_for("the end", lambda: one.state() == "idle", 60)
+        self.must("version", old)
+        self.must("fault", None)
+        self.expect(old, {"outcome": "rolled-back", "from": old, "to": version})
+
+    def expect(self, version, result):
+        found = self.appliance.result()
+        if self.appliance.version() != version or result.items() - found.items():
+            raise RuntimeError(f"version {self.appliance.version()}, {found}; expected {version}, {result}")
+
+    def run(self, short):
+        """short: one update that is kept, and one that the boot loader gives up."""
         self.may("version", bundles.running_version())
         self.must("version", bundles.running_version())
         self.may("description", "")
@@ -116,37 +135,35 @@ class Course:
         self.machine.wait_on_air(timeout_s=60)
         self.must("description", FIRST)
         if self.control == "no-flush":
-            self.machine.put("/tmp/noflush.so", library.read_bytes())
+            preload.put(self.machine, preload.NO_FLUSH, "/tmp/noflush.so")
         self.set(SECOND)
         if self.control != "no-flush":
             self.update(VERSIONS[0])
-            self.set(THIRD)
-            self.update(VERSIONS[1])
+            self.update_in_vain(VERSIONS[1], bundles.NO_KERNEL if short else bundles.NO_BLUETOOTH)
+            if not short:
+                self.set(THIRD)
+                self.update(VERSIONS[2])
         time.sleep(3)
 
 
-def compiled(source, target):
-    subprocess.run(["aarch64-linux-gnu-gcc", "-shared", "-fPIC", "-nostdlib", "-o", target, "-x", "c", "-"],
-                   input=source.encode(), check=True)
-    return target
-
-
-def recorded(control):
+def recorded(control, short=False, afresh=False):
     """The folder with the record, made unless it is there for this very disk."""
-    folder = FOLDER / (control if control == "no-flush" else "course")
+    folder = FOLDER / (control if control == "no-flush" else "short" if short else "course")
     made_of = f"{bundles.root().name} {bundles.KEYS}"
-    if (folder / "promises.json").exists() and (folder / "made-of").read_text(encoding="utf-8") == made_of:
+    if not afresh and (folder / "promises.json").exists() and \
+            (folder / "made-of").read_text(encoding="utf-8") == made_of:
         return folder
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     began = time.monotonic()
     course = Course(folder, control)
     try:
-        course.run()
+        course.run(short)
     finally:
         course.appliance.close()
     (folder / "live").unlink()
     (folder / "promises.json").write_text(json.dumps(course.promises), encoding="utf-8")
+    (folder / "figures.json").write_text(json.dumps(course.figures), encoding="utf-8")
     (folder / "made-of").write_text(made_of, encoding="utf-8")
     print(f"recorded {writes.count(course.log)} requests in {time.monotonic() - began:.0f} s", flush=True)
     return folder
@@ -178,36 +195,57 @@ def places(image):
 class Judge:
     """A machine that one disk after the other is put into."""
 
-    def __init__(self, folder):
-        self.image = folder / "cut"
+    def __init__(self, folder, number):
+        self.folder, self.image = folder, folder / f"cut-{number}"
         disks.call("cp", "--sparse=always", folder / "base", self.image)
-        self.machine = Machine(folder / "judge", config={}, image=self.image)
+        self.machine = Machine(folder / f"judge-{number}", config={}, image=self.image, processors=1)
+        self.requests = writes.read(folder / "log")
+        self.promises = json.loads((folder / "promises.json").read_text(encoding="utf-8"))
 
     def close(self):
         self.machine.close()
         self.image.unlink(missing_ok=True)
 
-    def look(self, promises, boundary, under_way):
-        """Boots the disk: ("", time to air) when all is as it may be, else what isn't."""
+    def judge(self, cut, control):
+        """Makes the disk that the cut leaves, and boots it: a line of results."""
+        kind, extra = writes.left(self.requests, cut.boundary, random.Random(cut.seed))
+        writes.disk(self.folder / "base", self.folder / "log", self.requests, cut.boundary, extra, self.image)
+        if control == "one-copy":
+            take_out_copy(self.image)
+        try:
+            took, found = self._boot()
+            wrong = self._wrong(found, cut.boundary)
+        except (RuntimeError, TimeoutError, ConnectionError) as error:
+            took, found, wrong = None, {}, f"{type(error).__name__}: {error}"[:2000]
+        finally:
+            self.machine.cut_power()
+        return {"number": cut.number, "boundary": cut.boundary, "kind": kind, "requests": len(extra),
+                "boot_to_air_s": took, "found": found, "wrong": wrong}
+
+    def _boot(self):
         machine = self.machine
         machine.disk = disks.Disk(machine.folder / "disk.qcow2", self.image)
-        try:
-            machine.power_on()
-            machine.wait_on_air(timeout_s=60)
-            took = time.monotonic() - machine.powered_mono
-            found = {"version": machine.must("cat /etc/odid/version").strip(),
-                     "description": machine.must("odidctl get self_id.description").strip()}
-            wrong = [f"{what} is {value!r}, expected one of {sorted(allowed(promises, what, boundary, under_way))}"
-                     for what, value in found.items()
-                     if value not in allowed(promises, what, boundary, under_way)]
-            faults = set(machine.must("ls /run/faults").split()) - HARMLESS_FAULTS
-            if faults:
-                wrong.append(machine.must(f"cd /run/faults; head {' '.join(sorted(faults))}"))
-            return "; ".join(wrong), round(took, 1), found
-        except (RuntimeError, TimeoutError, ConnectionError) as error:
-            return f"{type(error).__name__}: {error}"[:2000], None, {}
-        finally:
-            machine.cut_power()
+        machine.power_on()
+        machine.wait_on_air(timeout_s=60)
+        for channel in CHANNELS:
+            parts.wait_for(f"a reception on {channel}",
+                           lambda channel=channel: machine.air.receptions(channel, machine.powered_mono), 20)
+        took = round(time.monotonic() - machine.powered_mono, 1)
+        return took, {
+            "version": machine.must("cat /etc/odid/version").strip(),
+            "description": machine.must("odidctl get self_id.description").strip(),
+            "faults": {name: machine.must(f"cat /run/faults/{name}").strip()
+                       for name in machine.must("ls /run/faults").split()}}
+
+    def _wrong(self, found, boundary):
+        under_way = len(writes.after(self.requests, boundary))
+        harmless = HARMLESS_FAULTS | allowed(self.promises, "fault", boundary, under_way)
+        wrong = [f"fault {name}: {text}" for name, text in found["faults"].items() if name not in harmless]
+        for what in ("version", "description"):
+            values = allowed(self.promises, what, boundary, under_way)
+            if found[what] not in values:
+                wrong.append(f"{what} is {found[what]!r}, expected one of {sorted(values)}")
+        return "; ".join(wrong)
 
 
 def take_out_copy(image):
@@ -221,57 +259,68 @@ def take_out_copy(image):
     noise.unlink()
 
 
-def run(count, seed, control):
-    folder = recorded(control)
-    promises = json.loads((folder / "promises.json").read_text(encoding="utf-8"))
+def judge_all(folder, number, cuts, control, results):
+    """One of several at work; a machine ends with the thread that made it."""
+    judge = Judge(folder, number)
+    try:
+        while True:
+            results.put(judge.judge(cuts.get_nowait(), control))
+    except queue.Empty:
+        pass
+    except BaseException as error:
+        results.put(error)
+        raise
+    finally:
+        judge.close()
+
+
+def course_figures(short=False):
+    return json.loads((FOLDER / ("short" if short else "course") / "figures.json").read_text(encoding="utf-8"))
+
+
+def run(count, seed, control, short=False, afresh=False):
+    """short: the short course; afresh: nothing of what is there already counts."""
+    folder = recorded(control, short, afresh)
     requests = writes.read(folder / "log")
     cuts = writes.choose(requests, count, seed, places(folder / "base"))
-    lines = folder / f"cuts-{control or 'plain'}-{seed}.jsonl"
+    lines = folder / f"cuts-{control or 'plain'}-{seed}-{count}.jsonl"
     done = {}
     if lines.exists():
         for line in lines.read_text(encoding="utf-8").splitlines():
             result = json.loads(line)
-            done[result["number"], result["boundary"], result["count"]] = result
-    judge = Judge(folder)
-    results = []
-    try:
-        for cut in cuts:
-            result = done.get((cut.number, cut.boundary, count))
-            if not result:
-                kind, extra = writes.left(requests, cut.boundary, random.Random(cut.seed))
-                writes.disk(folder / "base", folder / "log", requests, cut.boundary, extra, judge.image)
-                if control == "one-copy":
-                    take_out_copy(judge.image)
-                wrong, took, found = judge.look(promises, cut.boundary, len(writes.after(requests, cut.boundary)))
-                result = {"number": cut.number, "boundary": cut.boundary, "count": count, "kind": kind,
-                          "requests": len(extra), "boot_to_air_s": took, "found": found, "wrong": wrong}
-                with open(lines, "a", encoding="utf-8") as file:
-                    file.write(json.dumps(result) + "\n")
-            results.append(result)
-            mark = "survived" if not result["wrong"] else f"FAILED: {result['wrong']}"
-            print(f"cut {cut.number + 1} of {count} (after request {cut.boundary} of {len(requests)}, "
-                  f"then {result['kind']}): {mark}", flush=True)
-    finally:
-        judge.close()
-    return results
+            done[result["number"]] = result
+    work, results = queue.Queue(), queue.Queue()
+    for cut in cuts:
+        if cut.number not in done:
+            work.put(cut)
+    left = work.qsize()
+    print(f"{len(done)} cuts of {count} are done, {len(writes.boundaries(requests))} flushes in the record", flush=True)
+    for number in range(min(JOBS, left)):
+        threading.Thread(target=judge_all, args=(folder, number, work, control, results)).start()
+    for _ in range(left):
+        result = results.get()
+        if isinstance(result, BaseException):
+            raise result
+        done[result["number"]] = result
+        with open(lines, "a", encoding="utf-8") as file:
+            file.write(json.dumps(result) + "\n")
+        mark = "survived" if not result["wrong"] else f"FAILED: {result['wrong']}"
+        print(f"cut {len(done)} of {count} (after request {result['boundary']} of {len(requests)}, "
+              f"then {result['kind']}): {mark}", flush=True)
+    return [done[cut.number] for cut in cuts]
 
 
-def write_figures(results, seed):
-    survived = sum(not one["wrong"] for one in results)
-    figures = json.loads(FIGURES.read_text(encoding="utf-8")) if FIGURES.exists() else {}
-    commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False)
-    figures |= {"commit": commit.stdout.strip(), "date": time.strftime("%Y-%m-%d"),
-                "power_cuts": len(results), "power_cuts_survived": survived, "power_cuts_seed": seed,
-                "violations": len(results) - survived,
-                "verdict": "PASS" if survived == len(results) else "FAIL"}
-    FIGURES.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
-    return survived
+def note(results, seed):
+    """How many survived."""
+    failed = sum(bool(one["wrong"]) for one in results)
+    figures.note(power_cuts=len(results), power_cuts_failed=failed, power_cuts_seed=seed)
+    return len(results) - failed
 
 
 def main():
     parser = argparse.ArgumentParser(prog="power_cuts.py", description=__doc__.splitlines()[0])
     parser.add_argument("--count", type=int, default=300)
-    parser.add_argument("--seed", type=int, default=int(os.environ.get("SEED") or 1))
+    parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--control", choices=CONTROLS)
     arguments = parser.parse_args()
     reason = missing()
@@ -284,8 +333,8 @@ def main():
         print(f"power-cuts: without its protection {len(failed)} of {len(results)} failed: "
               + ("as it has to be" if failed else "the control shows nothing"))
         return not failed
-    survived = write_figures(results, arguments.seed)
-    print(f"power-cuts: {survived} of {len(results)} survived (seed {arguments.seed}; {FIGURES})")
+    survived = note(results, arguments.seed)
+    print(f"power-cuts: {survived} of {len(results)} survived (seed {arguments.seed}; {figures.PATH})")
     return survived != len(results)
 
 

@@ -5,10 +5,12 @@ import time
 
 import pytest
 
-from . import autopilot, bundles
+from . import LONG, autopilot, bundles
 from .appliance import wait_for
-from .bundles import NEWER
+from .bundles import NEWER, NO_BLUETOOTH
 from .test_trial import installed
+
+pytestmark = LONG
 
 LONG_ENOUGH_S = 75      # longer than a trial lasts, and than the wait before a restart
 
@@ -101,7 +103,7 @@ def test_the_trial_stands_still(ready, logs):
 
 
 def test_a_failed_trial_waits_for_the_ground(ready, logs):
-    installed(ready, bundles.bundle("no_bluetooth", NEWER, {"usr/sbin/hci-attach": None}))
+    installed(ready, bundles.bundle("no_bluetooth", NEWER, NO_BLUETOOTH.changes))
     machine = ready.machine
     machine.wait_shell()
     wait_for("the daemon", machine.status, 30)
@@ -122,7 +124,7 @@ def test_a_failed_trial_waits_for_the_ground(ready, logs):
 
 def test_after_a_watchdog_reset_armed_is_known_at_once(ready, logs):
     """In flight, on trial: the board is reset; nothing is decided, and it doesn't restart."""
-    installed(ready, bundles.bundle("no_bluetooth", NEWER, {"usr/sbin/hci-attach": None}))
+    installed(ready, bundles.bundle("no_bluetooth", NEWER, NO_BLUETOOTH.changes))
     machine = ready.machine
     machine.wait_shell()
     wait_for("the daemon", machine.status, 30)

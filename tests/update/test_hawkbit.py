@@ -3,10 +3,12 @@
 import pytest
 from bench.machine import configuration
 
-from . import bundles
+from . import LONG, bundles
 from .appliance import wait_for
-from .bundles import NEWER
+from .bundles import NEWER, NO_BLUETOOTH
 from .hawkbit import HawkBit
+
+pytestmark = LONG
 
 NAME = "SSRS5GBG01"     # nothing else is configured: the aircraft's serial number
 
@@ -55,7 +57,7 @@ def test_an_update_is_fetched_installed_and_reported(ready, server):
 
 def test_a_rolled_back_one_is_reported(ready, server):
     before = ready.starts()
-    server.offer(18, bundles.bundle("no_bluetooth", NEWER, {"usr/sbin/hci-attach": None}), NEWER)
+    server.offer(18, bundles.bundle("no_bluetooth", NEWER, NO_BLUETOOTH.changes), NEWER)
     ready.wait_restart(before, 180)
     ready.wait_restart(before + 1, 180)
     ready.machine.wait_on_air(timeout_s=60)

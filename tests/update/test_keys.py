@@ -2,10 +2,12 @@
 
 import pytest
 
-from . import bundles
+from . import LONG, bundles
 from .bundles import NEWER
 from .test_refused import accepted
 
+
+pytestmark = LONG
 
 def trust(machine, *certificates):
     machine.put("/tmp/trusted.pem", b"".join(path.read_bytes() for path in certificates), "644")

@@ -5,10 +5,12 @@ import re
 import pytest
 from bench.machine import configuration
 
-from . import bundles
+from . import LONG, bundles
 from .appliance import wait_for
 from .bundles import NEWER
 
+
+pytestmark = LONG
 
 def stick(name, *files):
     """A stick with those files at its top level."""

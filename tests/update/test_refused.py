@@ -7,7 +7,7 @@ from collections import namedtuple
 
 import pytest
 
-from . import autopilot, bundles
+from . import LONG, autopilot, bundles, preload
 from .appliance import wait_for
 from .bundles import NEWER, OLDER
 
@@ -54,6 +54,14 @@ def trust_the_other(machine):
                  "sv term swupdate; sleep 2")
 
 
+def swupdate_with(source):
+    """SWUpdate with some of its library's functions replaced."""
+    def take_out(machine):
+        preload.put(machine, source, "/tmp/changed.so")
+        other_run_script("s,^exec ,export LD_PRELOAD=/tmp/changed.so; exec ,")(machine)
+    return take_out
+
+
 def prevent_downgrade(machine):
     machine.must("odidctl set update.prevent_downgrade yes", 30)
 
@@ -66,12 +74,15 @@ def allow_downgrade(machine):
 REFUSALS = (
     Refusal("other_hardware", lambda: bundles.bundle("cm4", NEWER, board="cm4"), "other hardware.*odid-qemu",
             without=other_run_script(r's/odid:odid-\$BOARD/odid:odid-cm4/'), back=run_script_back),
+    # That there is a signature at all is the archive's order to SWUpdate, and can't be taken out.
     Refusal("unsigned", lambda: bundles.unsigned(good(), "unsigned"), "signed"),
+    Refusal("empty_signature", lambda: bundles.signed_with(good(), "empty", b""), "signed",
+            without=swupdate_with(preload.ANY_SIGNATURE), back=run_script_back),
     Refusal("signed_by_another", lambda: bundles.bundle("another", NEWER, keys=bundles.other_keys()), "signed",
             without=trust_the_other, back=run_script_back),
     Refusal("altered_description",
             lambda: bundles.described(good(), "altered", lambda text: text.replace(NEWER, "9.9.1"), keys=None),
-            "signed|altered"),
+            "signed|altered", without=swupdate_with(preload.ANY_SIGNATURE), back=run_script_back),
     Refusal("older", lambda: bundles.bundle("older", OLDER), f"{OLDER} is older",
             arrange=prevent_downgrade, undo=allow_downgrade,
             without=gate_without(r"/prevent_downgrade) in/,/^esac/"), back=gate_back),
@@ -131,6 +142,7 @@ def accepted(appliance, bundle):
         appliance.wait_ready()
 
 
+@LONG
 @pytest.mark.parametrize("refusal", [one for one in REFUSALS if one.without], ids=lambda refusal: refusal.name)
 def test_without_the_check_it_would_be_installed(grounded, refusal):
     machine, bundle = grounded.machine, refusal.bundle()
@@ -160,6 +172,19 @@ def test_a_wrong_payload_is_never_marked(grounded, spoil):
     assert grounded.protected()
 
 
+@LONG
+def test_without_its_hash_a_damaged_one_would_be_marked(grounded):
+    bundle = bundles.damaged(good(), "spoilt")
+    machine = grounded.machine
+    machine.put("/tmp/hash", bytes.fromhex(bundles.sha256_in(bundle)))
+    swupdate_with(preload.HASH_FROM_FILE)(machine)
+    try:
+        assert accepted(grounded, bundle)
+    finally:
+        run_script_back(machine)
+
+
+@LONG
 def test_the_bundle_itself_is_good(grounded):
     """Else the tests above would pass for the wrong reason."""
     assert accepted(grounded, good())
@@ -179,36 +204,35 @@ def test_a_second_one_at_the_same_time(grounded):
     assert "damaged" in grounded.result()["sentence"]
 
 
-def test_not_over_a_slot_on_trial(grounded):
-    grounded.machine.must("fw_setenv upgrade_available 1")
+# variable, its value: what U-Boot's environment has then; check: the gate's lines for it.
+Undecided = namedtuple("Undecided", "name variable value says check")
+UNDECIDED = (
+    Undecided("on_trial", "upgrade_available", "1", "on trial", r"/^if .*upgrade_available/,/^fi/"),
+    # The running slot failed its trial and waits for the restart.
+    Undecided("slot_to_go_back_to", "trial_failed", "a", "failed its trial", r"/^if .*trial_failed/,/^fi/"))
+
+
+@pytest.fixture(params=UNDECIDED, ids=lambda one: one.name)
+def undecided(request, grounded):
+    one, before = request.param, grounded.variables()
+    grounded.machine.must(f"fw_setenv {one.variable} {one.value}")
+    yield one
+    grounded.machine.must(f"fw_setenv {one.variable} {before.get(one.variable, '')}")
+
+
+def test_not_over_an_update_that_is_not_decided(grounded, undecided):
+    got = grounded.install(good())
+    assert got.code == 1, got.output
+    assert undecided.says in grounded.result()["sentence"]
+
+
+@LONG
+def test_without_the_check_it_would_be_written_over(grounded, undecided):
+    gate_without(undecided.check)(grounded.machine)
     try:
-        got = grounded.install(good())
-        assert got.code == 1, got.output
-        assert "on trial" in grounded.result()["sentence"]
-    finally:
-        grounded.machine.must("fw_setenv upgrade_available 0")
-    gate_without(r"/^if .*upgrade_available/,/^fi/")(grounded.machine)
-    try:
-        grounded.machine.must("fw_setenv upgrade_available 1")
         assert accepted(grounded, good())
     finally:
         gate_back(grounded.machine)
-
-
-def test_not_over_the_slot_to_go_back_to(grounded):
-    """The running slot failed its trial and waits for the restart."""
-    grounded.machine.must("fw_setenv trial_failed a")
-    try:
-        got = grounded.install(good())
-        assert got.code == 1, got.output
-        assert "failed its trial" in grounded.result()["sentence"]
-        gate_without(r"/^if .*trial_failed/,/^fi/")(grounded.machine)
-        try:
-            assert accepted(grounded, good())
-        finally:
-            gate_back(grounded.machine)
-    finally:
-        grounded.machine.must("fw_setenv trial_failed")
 
 
 # --- armed -------------------------------------------------------------------
@@ -220,31 +244,49 @@ def logs(tmp_path_factory):
     return {armed: autopilot.generate(folder, armed) for armed in (False, True)}
 
 
-def test_armed_and_lost_while_armed(grounded, logs):
-    machine = grounded.machine
-    machine.play(logs[True])
+@pytest.fixture
+def armed(grounded, logs):
+    grounded.machine.play(logs[True])
     wait_for("armed", grounded.armed, 30)
+    yield
+    grounded.machine.play(logs[False])
+    wait_for("disarmed", lambda: grounded.armed() is False, 30)
+    time.sleep(3)
+
+
+def unplugged(appliance):
+    """Its cable is pulled: it flies on."""
+    appliance.machine.unplug()
+    wait_for("lost", lambda: appliance.armed() is None, 30)
+
+
+def test_armed_and_lost_while_armed(grounded, armed):
+    machine = grounded.machine
+    before = untouched(grounded)
+    got = grounded.install(good())
+    assert got.code == 1, got.output
+    assert "armed" in grounded.result()["sentence"]
+    unplugged(grounded)
     try:
-        before = untouched(grounded)
-        got = grounded.install(good())
-        assert got.code == 1, got.output
-        assert "armed" in grounded.result()["sentence"]
-        # Its cable is pulled: it flies on.
-        machine.unplug()
-        wait_for("lost", lambda: grounded.armed() is None, 30)
         machine.must("rm -f /data/odid/update.json")
         got = grounded.install(good())
         assert got.code == 1, got.output
         assert "armed" in grounded.result()["sentence"]
         assert untouched(grounded) == before
-        # Also for the gate alone: odid-update ends SWUpdate a second after it began, at the latest.
-        gate_without(r"/^if .*armed/,/^fi/")(machine)
-        try:
-            assert accepted(grounded, good())
-        finally:
-            gate_back(machine)
     finally:
         machine.plug()
-        machine.play(logs[False])
-        wait_for("disarmed", lambda: grounded.armed() is False, 30)
-        time.sleep(3)
+
+
+@LONG
+@pytest.mark.parametrize("lost", [False, True], ids=["armed", "lost_while_armed"])
+def test_without_the_check_it_would_be_written_in_flight(grounded, armed, lost):
+    """odid-update, which ends SWUpdate at arming, doesn't run meanwhile (accepted())."""
+    if lost:
+        unplugged(grounded)
+    gate_without(r"/^if .*armed/,/^fi/")(grounded.machine)
+    try:
+        assert accepted(grounded, good())
+    finally:
+        gate_back(grounded.machine)
+        if lost:
+            grounded.machine.plug()
