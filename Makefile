@@ -76,12 +76,17 @@ help:
 
 # --- Set-up -----------------------------------------------------------------
 
-.PHONY: setup debian
-setup: build/venv/stamp $(SETUP)
+.PHONY: setup base debian debian-tests
+base: build/venv/stamp $(SETUP)
+setup: base debian-tests
 
 # Asked every time: it costs 20 ms, and a package may have gone since.
 debian:
-	@tests/setup/debian.sh
+	@tests/setup/debian.sh debian.txt
+
+# Not what the demo has to wait for: a browser, a second compiler.
+debian-tests: debian
+	@tests/setup/debian.sh debian-tests.txt
 
 # The stamps lie in what they stand for, and go with it.
 build/venv/stamp: tests/setup/python.sh tests/setup/requirements.txt | debian
@@ -100,7 +105,7 @@ build/opendroneid/stamp: tests/setup/opendroneid.sh tests/setup/opendroneid.sha2
 # --- Building ---------------------------------------------------------------
 
 .PHONY: daemon unit fuzzers
-daemon: setup
+daemon: base
 	$(call cmake-build,daemon,-DCMAKE_BUILD_TYPE=Release)
 
 unit: setup
@@ -112,10 +117,10 @@ fuzzers: setup
 # Debian's packages around the daemon and overlay/; what it is and isn't: tests/bench/README.md.
 .PHONY: appliance
 ifeq ($(IMAGE),)
-appliance: setup
+appliance: base
 	@OPENDRONEID_DIR='$(OPENDRONEID)' MAVLINK_DIR='$(MAVLINK)' $(RUN) -m bench.image
 else
-appliance: setup
+appliance: base
 	@$(RUN) -m bench.image --add-to '$(IMAGE)'
 endif
 
@@ -147,7 +152,7 @@ demo: appliance
 demo-host: daemon
 	@$(RUN) tests/host/demo.py
 
-bench: daemon
+bench: daemon debian-tests
 	@$(RUN) tests/host/bench.py
 
 soak: appliance
@@ -202,7 +207,7 @@ endef
 PYTEST = -o cache_dir=build/pytest -ra --continue-on-collection-errors
 
 .PHONY: system faults-without
-system: appliance
+system: appliance debian-tests
 	@$(RUN) -m pytest tests/bench tests/update $(PYTEST)
 
 faults-without: appliance
@@ -220,10 +225,10 @@ power-cuts: appliance
 	@$(RUN) -m update.power_cuts --count $(COUNT) --seed $(SEED) $(if $(CONTROL),--control $(CONTROL))
 
 .PHONY: check format
-check: build/venv/stamp
+check: build/venv/stamp debian-tests
 	@$(RUN) tests/levels/check.py
 
-format: debian
+format: debian-tests
 	@clang-format -i $(wildcard $(DAEMON)/src/*.[ch] $(DAEMON)/tests/*.[ch] $(DAEMON)/fuzz/*.[ch])
 
 .PHONY: clean

@@ -1,13 +1,18 @@
 #!/bin/sh
-# Installs the Debian packages that are named (default: all of debian-packages.txt) and missing.
+# Installs the Debian packages that are named, and missing; a name that ends with .txt is a list here.
 # When nothing is missing it neither needs root nor touches the network.
 set -eu
 here=$(dirname "$0")
 
-if [ $# -eq 0 ]; then
-    # shellcheck disable=SC2046 # one word per package is what we want
-    set -- $(sed 's/#.*//' "$here/debian-packages.txt")
-fi
+names=
+for name; do
+    case $name in
+        *.txt) names="$names $(sed 's/#.*//' "$here/$name")" ;;
+        *) names="$names $name" ;;
+    esac
+done
+# shellcheck disable=SC2086 # a list
+set -- $names
 
 if ! command -v dpkg-query >/dev/null; then
     echo "set-up: not a Debian system; going on, but these must be there: $*" >&2
