@@ -91,6 +91,10 @@ bool aircraft_fresh(int64_t since_us, int64_t now_us);
 /* The fresh position of the best source that has one; NULL when none is fresh. */
 const struct aircraft_fix *aircraft_best_fix(const struct aircraft *aircraft, int64_t now_us);
 
+/* The Location to broadcast now. */
+void aircraft_view_location(const struct aircraft *aircraft, int64_t now_us,
+                            struct aircraft_location *out);
+
 /* Altitude above the WGS-84 ellipsoid of a fix of ours; NAN when unknown. */
 double aircraft_geodetic_m(const struct aircraft *aircraft, const struct aircraft_fix *fix);
 

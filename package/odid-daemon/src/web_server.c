@@ -1,19 +1,17 @@
 #include "web_server.h"
 
 #include <errno.h>
-#include <fcntl.h>
 #include <microhttpd.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/random.h>
 #include <sys/select.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 #include "log.h"
 #include "loop.h"
 #include "utf8.h"
+#include "web_answer.h"
 #include "web_helper.h"
 #include "web_request.h"
 #include "web_upload.h"
@@ -22,8 +20,6 @@
 #define CONNECTIONS_MAX 24
 #define CONNECTIONS_FROM_ONE_MAX 12
 #define IDLE_S 30 /* also of a browser that is gone in the middle of an upload */
-
-#define JSON_TYPE "application/json"
 
 /* From the first line of a request to the last octet of its answer. */
 struct request {
@@ -45,119 +41,7 @@ static struct {
     bool waiting;              /* for room in the updater */
 } self;
 
-/* ---- answers ---- */
-
-static void header(struct MHD_Response *response, const char *name, const char *value)
-{
-    MHD_add_response_header(response, name, value);
-}
-
-/* The browser is to take nothing from elsewhere, to send nothing elsewhere, and to keep nothing. */
-static void add_headers(struct MHD_Response *response, const char *type)
-{
-    header(response, "Content-Type", type);
-    header(response, "Cache-Control", "no-store");
-    header(response, "Content-Security-Policy",
-           "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
-           "connect-src 'self'; form-action 'none'; frame-ancestors 'none'; base-uri 'none'");
-    header(response, "X-Content-Type-Options", "nosniff");
-    header(response, "Referrer-Policy", "no-referrer");
-    header(response, "Cross-Origin-Resource-Policy", "same-origin");
-}
-
-/* Takes the response. */
-static enum MHD_Result give(struct request *request, unsigned code, struct MHD_Response *response,
-                            const char *type)
-{
-    enum MHD_Result result;
-
-    if (response == NULL) {
-        return MHD_NO;
-    }
-    add_headers(response, type);
-    result = MHD_queue_response(request->connection, code, response);
-    MHD_destroy_response(response);
-    return result;
-}
-
-/* Takes the text, which was allocated. */
-static enum MHD_Result give_text(struct request *request, unsigned code, char *text, size_t length)
-{
-    return give(request, code, MHD_create_response_from_buffer(length, text, MHD_RESPMEM_MUST_FREE),
-                JSON_TYPE);
-}
-
-static struct MHD_Response *response_of(struct json_object *object)
-{
-    const char *text = json_object_to_json_string_ext(object, JSON_C_TO_STRING_PLAIN |
-                                                                  JSON_C_TO_STRING_NOSLASHESCAPE);
-
-    return MHD_create_response_from_buffer(strlen(text), (void *)text, MHD_RESPMEM_MUST_COPY);
-}
-
-/* Takes the object. */
-static enum MHD_Result give_json(struct request *request, unsigned code, struct json_object *object)
-{
-    struct MHD_Response *response = response_of(object);
-
-    json_object_put(object);
-    return give(request, code, response, JSON_TYPE);
-}
-
-static struct json_object *sentence_json(const char *sentence)
-{
-    struct json_object *object = json_object_new_object();
-
-    json_object_object_add(object, "sentence", json_object_new_string(sentence));
-    return object;
-}
-
-static enum MHD_Result give_sentence(struct request *request, unsigned code, const char *sentence)
-{
-    return give_json(request, code, sentence_json(sentence));
-}
-
-static enum MHD_Result give_file(struct request *request, const char *path, const char *type,
-                                 const char *download)
-{
-    int fd = open(path, O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
-    struct MHD_Response *response;
-    char disposition[64];
-    struct stat file;
-
-    if (fd < 0 || fstat(fd, &file) < 0 || !S_ISREG(file.st_mode)) {
-        log_warning("%s can't be given: %s", path, fd < 0 ? strerror(errno) : "no file");
-        if (fd >= 0) {
-            close(fd);
-        }
-        return give_sentence(request, MHD_HTTP_NOT_FOUND, "That isn't there, or not any more.");
-    }
-    response = MHD_create_response_from_fd64((uint64_t)file.st_size, fd);
-    if (response == NULL) {
-        close(fd);
-    } else if (download != NULL) {
-        snprintf(disposition, sizeof(disposition), "attachment; filename=\"%s\"", download);
-        header(response, "Content-Disposition", disposition);
-    }
-    return give(request, MHD_HTTP_OK, response, type);
-}
-
 /* ---- password and sessions ---- */
-
-static enum MHD_Result give_cookie(struct request *request, const char *token, const char *more)
-{
-    struct json_object *object = json_object_new_object();
-    struct MHD_Response *response = response_of(object);
-    char cookie[128];
-
-    json_object_put(object);
-    if (response != NULL) {
-        snprintf(cookie, sizeof(cookie), WEB_COOKIE "=%s; Path=/; HttpOnly; SameSite=Strict%s",
-                 token, more);
-        header(response, "Set-Cookie", cookie);
-    }
-    return give(request, MHD_HTTP_OK, response, JSON_TYPE);
-}
 
 static enum MHD_Result begin_session(struct request *request)
 {
@@ -169,7 +53,7 @@ static enum MHD_Result begin_session(struct request *request)
     }
     web_sessions_begin(&self.sessions, random, loop_now_us(), token);
     log_info("somebody has given the maintenance password");
-    return give_cookie(request, token, "");
+    return web_give_cookie(request->connection, token, "");
 }
 
 static enum MHD_Result give_patience(struct request *request, unsigned wait_s)
@@ -178,7 +62,7 @@ static enum MHD_Result give_patience(struct request *request, unsigned wait_s)
 
     snprintf(sentence, sizeof(sentence),
              "Too many wrong passwords. Wait %u seconds before the next one.", wait_s);
-    return give_sentence(request, MHD_HTTP_TOO_MANY_REQUESTS, sentence);
+    return web_give_sentence(request->connection, MHD_HTTP_TOO_MANY_REQUESTS, sentence);
 }
 
 static enum MHD_Result login(struct request *request)
@@ -198,15 +82,17 @@ static enum MHD_Result login(struct request *request)
     case WEB_PASSWORD_RIGHT:
         return begin_session(request);
     case WEB_PASSWORD_NONE:
-        return give_sentence(request, MHD_HTTP_FORBIDDEN,
-                             "No maintenance password was ever set. Set [maintenance] password in "
-                             "odid.conf on the volume CONFIG.");
+        return web_give_sentence(
+            request->connection, MHD_HTTP_FORBIDDEN,
+            "No maintenance password was ever set. Set [maintenance] password in "
+            "odid.conf on the volume CONFIG.");
     case WEB_NO_HELPER:
-        return give_sentence(request, MHD_HTTP_SERVICE_UNAVAILABLE,
-                             "The page's service is ending. Try again in a moment.");
+        return web_give_sentence(request->connection, MHD_HTTP_SERVICE_UNAVAILABLE,
+                                 "The page's service is ending. Try again in a moment.");
     default:
         log_warning("a wrong maintenance password was given");
-        return give_sentence(request, MHD_HTTP_FORBIDDEN, "That is not the maintenance password.");
+        return web_give_sentence(request->connection, MHD_HTTP_FORBIDDEN,
+                                 "That is not the maintenance password.");
     }
 }
 
@@ -218,7 +104,7 @@ static enum MHD_Result logout(struct request *request)
                    token)) {
         web_sessions_end(&self.sessions, token);
     }
-    return give_cookie(request, "", "; Max-Age=0");
+    return web_give_cookie(request->connection, "", "; Max-Age=0");
 }
 
 /* ---- settings ---- */
@@ -257,9 +143,10 @@ static enum MHD_Result set(struct request *request)
 
     if (!web_read_settings(request->body, request->length, &settings)) {
         explicit_bzero(&settings, sizeof(settings));
-        return give_sentence(request, MHD_HTTP_BAD_REQUEST,
-                             "These settings can't be understood; nothing was changed. A value is "
-                             "at most 127 characters on one line.");
+        return web_give_sentence(
+            request->connection, MHD_HTTP_BAD_REQUEST,
+            "These settings can't be understood; nothing was changed. A value is "
+            "at most 127 characters on one line.");
     }
     answer = json_object_new_object();
     if (settings.serial_given) {
@@ -269,7 +156,7 @@ static enum MHD_Result set(struct request *request)
         set_one(answer, "operator", WEB_OPERATOR, settings.operator_number);
     }
     explicit_bzero(&settings, sizeof(settings));
-    return give_json(request, MHD_HTTP_OK, answer);
+    return web_give_json(request->connection, MHD_HTTP_OK, answer);
 }
 
 /* ---- flight records ---- */
@@ -280,9 +167,10 @@ static enum MHD_Result flights(struct request *request)
     char *text = web_flights(&self.server->sources, &length);
 
     if (text == NULL) {
-        return give_sentence(request, MHD_HTTP_NOT_FOUND, "The flight records can't be read.");
+        return web_give_sentence(request->connection, MHD_HTTP_NOT_FOUND,
+                                 "The flight records can't be read.");
     }
-    return give_text(request, MHD_HTTP_OK, text, length);
+    return web_give_text(request->connection, MHD_HTTP_OK, text, length);
 }
 
 static enum MHD_Result flight(struct request *request)
@@ -292,7 +180,7 @@ static enum MHD_Result flight(struct request *request)
     snprintf(path, sizeof(path), "%s/%05u.jsonl", self.server->sources.flights,
              request->target.number);
     snprintf(name, sizeof(name), "flight-%05u.jsonl", request->target.number);
-    return give_file(request, path, "application/jsonl", name);
+    return web_give_file(request->connection, path, "application/jsonl", name);
 }
 
 static enum MHD_Result page_file(struct request *request)
@@ -300,7 +188,7 @@ static enum MHD_Result page_file(struct request *request)
     char path[ODIDCTL_PATH_SIZE];
 
     snprintf(path, sizeof(path), "%s/%s", self.server->files, request->target.file->name);
-    return give_file(request, path, request->target.file->type, NULL);
+    return web_give_file(request->connection, path, request->target.file->type, NULL);
 }
 
 /* ---- the bundle ---- */
@@ -382,7 +270,8 @@ static enum MHD_Result end_upload(struct request *request)
 {
     close_upload(request);
     log_info("the bundle is sent");
-    return give_sentence(request, MHD_HTTP_ACCEPTED, "The whole bundle is with the updater.");
+    return web_give_sentence(request->connection, MHD_HTTP_ACCEPTED,
+                             "The whole bundle is with the updater.");
 }
 
 /* ---- requests ---- */
@@ -455,10 +344,11 @@ static void take_body(struct request *request, const char *data, size_t *length)
 static enum MHD_Result answer(struct request *request)
 {
     if (request->code != 0) {
-        return give_sentence(request, request->code, request->sentence);
+        return web_give_sentence(request->connection, request->code, request->sentence);
     }
     if (request->length > WEB_BODY_MAX) {
-        return give_sentence(request, MHD_HTTP_CONTENT_TOO_LARGE, "That is too long.");
+        return web_give_sentence(request->connection, MHD_HTTP_CONTENT_TOO_LARGE,
+                                 "That is too long.");
     }
     switch (request->target.route) {
     case WEB_FILE:
@@ -468,8 +358,8 @@ static enum MHD_Result answer(struct request *request)
     case WEB_LOGOUT:
         return logout(request);
     case WEB_STATUS:
-        return give_json(request, MHD_HTTP_OK,
-                         web_status(self.server->places, &self.server->sources));
+        return web_give_json(request->connection, MHD_HTTP_OK,
+                             web_status(self.server->places, &self.server->sources));
     case WEB_SET:
         return set(request);
     case WEB_UPLOAD:
