@@ -2,9 +2,12 @@
 
 import http.client
 import json
+import os
 import socket
+import subprocess
 import threading
 import time
+from pathlib import Path
 
 import pytest
 from host import parts
@@ -111,6 +114,64 @@ def test_the_page_is_there_in_maintenance_and_gone_when_armed(page):
     assert page.ask("GET", "/", timeout_s=3)[0] is None
     assert machine.must("nft list set inet odid maintenance").count("elements") == 0
     assert machine.run("odidctl maintenance on").code != 0 or (time.sleep(4) or listening(machine)) == set()
+
+
+SLOT, KEYS = Path("build/appliance/slot.img"), Path("build/keys")
+NEW_VERSION = "99.1.0"
+
+
+@pytest.fixture
+def bundle(tmp_path):
+    """The machine's own slot as an update."""
+    if os.environ.get("IMAGE") or not SLOT.exists() or not (KEYS / "signing.key").exists():
+        pytest.skip("needs the bench's own disk and its keys (make appliance)")
+    path = tmp_path / "new.swu"
+    subprocess.run(["board/common/make-bundle.sh", SLOT, "qemu", NEW_VERSION, KEYS, path], check=True)
+    return path.read_bytes()
+
+
+def send(page, data):
+    connection = page.connect(120)
+    connection.request("POST", "/api/update", data, {"X-Odid-Page": "1", "Cookie": page.cookie})
+    answer = connection.getresponse()
+    return answer.status, json.loads(answer.read())
+
+
+def test_bundles_by_the_page(page, bundle):
+    """Refused, cut short, installed: with SWUpdate itself at the other end."""
+    machine = page.machine
+    page.ask("POST", "/api/session", {"password": PASSWORD})
+    parts.wait_for("SWUpdate, and what watches it", lambda: machine.run(
+        "[ -S /run/swupdate/swupdateprog ] && [ -e /run/odid-appliance/update.json ] && usleep 1500000").code == 0, 60)
+
+    def status():
+        return page.ask("GET", "/api/status")[1]
+
+    def result(before):
+        parts.wait_for("a result", lambda: status()["last_update_mark"] != before, 60)
+        return status()["last_update"]
+
+    before = status()["last_update_mark"]
+    code, said = send(page, bundle.replace(NEW_VERSION.encode(), b"98.1.0", 1))
+    assert code in (202, 502), said
+    refused = result(before)
+    assert refused["outcome"] == "refused" and "damaged" in refused["sentence"], refused
+
+    before = status()["last_update_mark"]
+    code, said = send(page, bundle[:len(bundle) // 2])      # in order, but half of it
+    refused = result(before)
+    assert refused["outcome"] == "refused", refused
+
+    parts.wait_for("SWUpdate to be ready", lambda: status()["update"]["state"] == "idle", 30)
+    code, said = send(page, bundle)
+    assert code == 202, said
+    seen = set()
+
+    def waits():
+        seen.add(status()["update"]["state"])
+        return "waiting-for-reboot" in seen
+    parts.wait_for("the end of the install", waits, 60)
+    assert machine.status()["on_air"]
 
 
 def test_what_the_page_costs(page):

@@ -38,6 +38,7 @@ void update_installer_explain(const char *complaint, const char *hardware, char 
         {"not compatible with hardware", "It is for other hardware than this board, %s."},
         {"HASH mismatch", "It is damaged: what was written isn't what its maker signed."},
         {"hash", "It is damaged: what was written isn't what its maker signed."},
+        {"Checksum WRONG", "It is damaged: something in it was changed on its way."},
         {"CPIO", "It is no whole bundle: cut short, or another kind of file."},
         {"Compatible SW not found", "It is no bundle for this appliance, or was altered."},
         {"treaming", "It is cut short or damaged."},

@@ -269,6 +269,8 @@ static void what_swupdate_says_in_plain_words(void **state)
         {"SW not compatible with hardware", "It is for other hardware than this board, odid-cm4."},
         {"HASH mismatch : abc <--> def",
          "It is damaged: what was written isn't what its maker signed."},
+        {"ERROR : Checksum WRONG ! Computed 0xfd8b, it should be 0xfd8c",
+         "It is damaged: something in it was changed on its way."},
         {"something new", "The installer says: something new"},
         {"", "The installer says: nothing"},
     };
