@@ -13,6 +13,15 @@ rm -rf "$target/usr/share/udhcpc" "$target/usr/lib/udev" "$target/etc/profile.d"
 rm -f "$target/linuxrc" "$target/etc/os-release" "$target/usr/lib/os-release" \
 	"$target/usr/bin/captest" "$target/usr/bin/filecap" "$target/usr/bin/netcap" "$target/usr/bin/pscap" \
 	"$target/usr/bin/scmp_sys_resolver"
+rm -f "$target/usr/bin/nettle-"* "$target/usr/bin/pkcs1-conv" "$target/usr/bin/sexp-conv" \
+	"$target/usr/bin/wcurl" "$target/bin/compile_et" "$target/bin/mk_cmds" \
+	"$target/usr/bin/compile_et" "$target/usr/bin/mk_cmds"
+# Libraries that nothing here is linked with (tests/image).
+for library in libatomic libbluetooth libconfig++ libdrop_ambient libgmpxx libgomp libhogweed libINIReader \
+	libnl-idiag-3 libnl-nf-3 libnl-xfrm-3 libss; do
+	rm -f "$target/lib/$library.so"* "$target/usr/lib/$library.so"*
+done
+rm -rf "$target/usr/lib/ossl-modules"
 
 # rcS runs every S* script there is: those that packages bring are not for this appliance.
 for script in "$target/etc/init.d/"*; do
