@@ -5,6 +5,7 @@ and the classes DdiStatus, DdiResult, DdiDeployment, DdiArtifact, DdiConfigData 
 What the device sends is held against it; what doesn't fit is an entry in `violations`.
 """
 
+import contextlib
 import hashlib
 import http.server
 import json
@@ -63,7 +64,7 @@ class HawkBit:
     def __init__(self, name, tenant="DEFAULT", token="a-test-token", poll_s=3, tls=None):
         self.name, self.tenant, self.token, self.poll_s = name, tenant, token, poll_s
         self.action = self.bundle = self.version = None
-        self.polls, self.bytes_in, self.bytes_out = 0, 0, 0
+        self.polls = self.octets = 0        # octets: of both directions, above TCP and TLS
         self.attributes, self.feedback, self.violations, self.refused = {}, [], [], 0
         outer = self
 
@@ -73,18 +74,21 @@ class HawkBit:
             def _go(self):
                 length = int(self.headers.get("Content-Length") or 0)
                 body = self.rfile.read(length) if length else b""
-                outer.bytes_in += length + len(str(self.headers)) + len(self.requestline)
+                outer.octets += length + len(str(self.headers)) + len(self.requestline)
                 outer.answer(self, self.command, self.path.split("?")[0], body)
 
-            do_GET = do_POST = do_PUT = _go     # noqa: N815, the library's names
+            do_GET = do_HEAD = do_POST = do_PUT = _go       # noqa: N815, the library's names
 
             def give(self, code, data=b"", kind=JSON):
                 self.send_response(code)
                 self.send_header("Content-Type", kind)
                 self.send_header("Content-Length", str(len(data)))
+                outer.octets += sum(map(len, self._headers_buffer)) + len(data)
                 self.end_headers()
-                self.wfile.write(data)
-                outer.bytes_out += len(data) + 150
+                if self.command == "HEAD":
+                    return
+                with contextlib.suppress(OSError):      # it had enough
+                    self.wfile.write(data)
 
             def log_message(self, *_):
                 pass
@@ -139,7 +143,7 @@ class HawkBit:
                 return request.give(200, json.dumps(self._deployment()).encode())
             if method == "POST" and match[2]:
                 return self._take_feedback(request, body)
-        if method == "GET" and rest == f"/softwaremodules/1/artifacts/{self.bundle and self.bundle.name}":
+        if method in ("GET", "HEAD") and rest == f"/softwaremodules/1/artifacts/{self.bundle and self.bundle.name}":
             return request.give(200, self.bundle.read_bytes(), "application/octet-stream")
         self.violations.append(f"{method} {path}")
         return request.give(404)

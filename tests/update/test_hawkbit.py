@@ -3,7 +3,7 @@
 import pytest
 from bench.machine import configuration
 
-from . import LONG, bundles
+from . import LONG, bundles, figures
 from .appliance import wait_for
 from .bundles import NEWER, NO_BLUETOOTH
 from .hawkbit import HawkBit
@@ -37,7 +37,7 @@ def test_an_update_is_fetched_installed_and_reported(ready, server):
     # Its token is nobody else's business.
     assert server.token not in ready.machine.must("ps; odidctl status --json; dmesg; odidctl get update.hawkbit_url")
     assert ready.machine.must("ps -o user,args | grep '[s]wupdate' | cut -d' ' -f1 | sort -u").split() == \
-        ["odid-hawkbit", "root"]
+        ["odid-haw", "root"]        # eight letters are all that ps has room for
     before = ready.starts()
     server.offer(17, bundles.bundle("good", NEWER), NEWER)
     ready.wait_restart(before, 180)
@@ -50,8 +50,9 @@ def test_an_update_is_fetched_installed_and_reported(ready, server):
     assert "proceeding" in server.executions("17")
     assert ready.result()["outcome"] == "installed"
     assert not server.violations
-    polls = server.polls
+    polls, octets = server.polls, server.octets
     wait_for("it to go on asking", lambda: server.polls > polls + 1, 60)
+    figures.note(hawkbit_poll_octets=round((server.octets - octets) / (server.polls - polls)))
     assert ready.starts() == before + 1     # and it isn't installed again
 
 
