@@ -101,17 +101,18 @@ def step(function):
 
 
 def call(*command, log=None, **options):
-    """Runs a program; when it fails, its output is in the error."""
+    """Runs a program, and gives its output; when it fails, all it said is in the error."""
     command = [str(word) for word in command]
     try:
-        result = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        result = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                                 stdin=subprocess.DEVNULL, check=False, **options)
     except FileNotFoundError as error:
         raise BuildError(f"{command[0]} is not installed ({error})") from error
     text = result.stdout.decode(errors="replace")
+    said = text + result.stderr.decode(errors="replace")
     if log is not None:
-        Path(log).write_text(text, encoding="utf-8")
+        Path(log).write_text(said, encoding="utf-8")
     if result.returncode:
-        tail = "\n".join(text.splitlines()[-30:])
+        tail = "\n".join(said.splitlines()[-30:])
         raise BuildError(f"{' '.join(command)} failed with {result.returncode}:\n{tail}")
     return text
