@@ -194,6 +194,18 @@ def test_each_selected_package_of_the_layer_is_there():
     assert chosen == symbols, "a recipe that nothing selects"
 
 
+# What scripts want of the kernel without naming a program for it.
+KERNEL = {"lib/odid/update-stick": "USB_STORAGE BLK_DEV_SD VFAT_FS EXFAT_FS EXT4_FS", "etc/nftables.conf": "NF_TABLES_INET NFT_CT",
+          "etc/init.d/S01mounts": "CGROUPS MEMCG LRU_GEN TMPFS UNIX98_PTYS", "lib/odid/limited": "CFS_BANDWIDTH CGROUP_PIDS MEMCG"}
+
+
+@pytest.mark.parametrize("script", KERNEL)
+def test_the_kernel_has_what_scripts_want(script):
+    assert (OVERLAY / script).exists()
+    on = {name.removeprefix("CONFIG_") for name, value in options(read("board/common/linux.fragment")) if value in ("y", "m")}
+    assert set(KERNEL[script].split()) <= on
+
+
 # --- overlay/ and what the image brings ----------------------------------------------
 
 # Programs of the packages that the defconfigs select. BusyBox' and ours are read from where they are named.

@@ -137,6 +137,16 @@ def test_programs_are_hardened(image):
     assert lost == {}
 
 
+def test_drivers_are_there(image):
+    """Built in or as modules."""
+    (folder,) = (image.root / "lib/modules").iterdir()
+    known = {re.sub("-", "_", path.name.partition(".ko")[0]) for path in folder.rglob("*.ko*")}
+    known |= {re.sub("-", "_", line.rpartition("/")[2].removesuffix(".ko").strip())
+              for line in (folder / "modules.builtin").read_text().splitlines()}
+    assert {"ftdi_sio", "cdc_acm", "usb_storage", "sd_mod", "ext4", "vfat", "squashfs", "hci_uart", "bluetooth",
+            "nf_tables", "nf_conntrack"} <= known
+
+
 def test_nothing_tells_where_it_was_built(image):
     folders = {str(image.out), str(TOP), str(image.out / "host")}
     found = [image.name(path) for path in image.files()
