@@ -18,7 +18,7 @@ rm -f "$target/usr/bin/nettle-"* "$target/usr/bin/pkcs1-conv" "$target/usr/bin/s
 	"$target/usr/bin/compile_et" "$target/usr/bin/mk_cmds"
 # Libraries that nothing here is linked with (tests/image).
 for library in libatomic libbluetooth libconfig++ libdrop_ambient libgmpxx libgomp libhogweed libINIReader \
-	libnl-idiag-3 libnl-nf-3 libnl-xfrm-3 libss; do
+	libnl-idiag-3 libnl-nf-3 libnl-route-3 libnl-xfrm-3 libss; do
 	rm -f "$target/lib/$library.so"* "$target/usr/lib/$library.so"*
 done
 rm -rf "$target/usr/lib/ossl-modules"
