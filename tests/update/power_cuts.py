@@ -196,7 +196,7 @@ class Judge:
     """A machine that one disk after the other is put into."""
 
     def __init__(self, folder, number):
-        self.folder, self.image = folder, folder / f"cut-{number}"
+        self.folder, self.image = folder, folder / f"cut-{number}.img"
         disks.call("cp", "--sparse=always", folder / "base", self.image)
         self.machine = Machine(folder / f"judge-{number}", config={}, image=self.image, processors=1)
         self.requests = writes.read(folder / "log")
