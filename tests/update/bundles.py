@@ -2,7 +2,6 @@
 
 import hashlib
 import os
-import re
 import shutil
 import subprocess
 from collections import namedtuple
@@ -142,12 +141,6 @@ def signed_with(source, name, signature):
     folder = parts_of(source)
     (folder / "sw-description.sig").write_bytes(signature)
     return put_together(folder, ["sw-description", "sw-description.sig", "slot.img"], BUILD / f"{name}.swu")
-
-
-def sha256_in(source):
-    """What the description says of the slot."""
-    text = (parts_of(source) / "sw-description").read_text(encoding="utf-8")
-    return re.search(r'sha256 = "([0-9a-f]{64})"', text)[1]
 
 
 def damaged(source, name):
