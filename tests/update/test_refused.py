@@ -66,7 +66,7 @@ def allow_downgrade(machine):
 REFUSALS = (
     Refusal("other_hardware", lambda: bundles.bundle("cm4", NEWER, board="cm4"), "other hardware.*odid-qemu",
             without=other_run_script(r's/odid:odid-\$BOARD/odid:odid-cm4/'), back=run_script_back),
-    # That there is a signature, and that it fits, SWUpdate can't be told not to ask.
+    # No counter-test yet: these checks are SWUpdate's own, built in.
     Refusal("unsigned", lambda: bundles.unsigned(good(), "unsigned"), "signed"),
     Refusal("empty_signature", lambda: bundles.signed_with(good(), "empty", b""), "signed"),
     Refusal("signed_by_another", lambda: bundles.bundle("another", NEWER, keys=bundles.other_keys()), "signed",
