@@ -11,6 +11,7 @@
 
 /* How often hostapd is asked whether its interface transmits. */
 #define STATUS_EVERY_US 1000000
+#define STATUS_SOON_US 200000 /* while it isn't enabled: it is about to be, at boot */
 /* An unchanged element is set again after this long: a reconfigured hostapd has forgotten it. */
 #define REFRESH_US 5000000
 /* What hostapd refused is tried again after this long. */
@@ -107,7 +108,7 @@ static void advance(int64_t now_us)
         return;
     }
     if (now_us >= self.status_us) {
-        self.status_us = now_us + STATUS_EVERY_US;
+        self.status_us = now_us + (self.enabled ? STATUS_EVERY_US : STATUS_SOON_US);
         request(REQUEST_STATUS, "STATUS", now_us);
     } else if (now_us >= element_us) {
         send_element(now_us);
