@@ -2,11 +2,12 @@
  *
  *     fault hci ADAPTER HEX        a second Bluetooth user: sends one HCI command (opcode as on the
  *                                  wire, length, parameters) through a raw socket
- *     fault is-set-up ADAPTER      exit code 0 when the kernel's own set-up of the controller is
- * over fault spin PID               the process goes round in one instruction from now on fault hog
- * MEGABYTES SECONDS  four processes that spin, and one that takes memory, and again when the kernel
- * has killed it fault radio-remove ID        takes a mac80211_hwsim radio away fault radio-create
- * MAC       adds one with this address */
+ *     fault is-set-up ADAPTER      exit code 0 when the kernel's own set-up of it is over
+ *     fault spin PID               the process goes round in one instruction from now on
+ *     fault hog MEGABYTES SECONDS  four processes that spin, and one that takes memory, and again
+ *                                  when the kernel has killed it
+ *     fault radio-remove ID        takes a mac80211_hwsim radio away
+ *     fault radio-create MAC       adds one with this address */
 
 #include <errno.h>
 #include <linux/genetlink.h>
