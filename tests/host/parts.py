@@ -78,13 +78,14 @@ def python(module, *arguments):
     return [sys.executable, "-m", module, *arguments]
 
 
-def wait_for(what, condition, timeout_s, part=None):
+def wait_for(what, condition, timeout_s, part=None, every_s=0.02):
+    """The first value of the condition that is true."""
     deadline = time.monotonic() + timeout_s
     while time.monotonic() < deadline:
         value = condition()
         if value:
             return value
-        time.sleep(0.02)
+        time.sleep(every_s)
     tail = f"; its log ends:\n{part.log()[-1500:]}" if part else ""
     raise TimeoutError(f"waited {timeout_s} s in vain for {what}{tail}")
 

@@ -1,5 +1,6 @@
 """An appliance that is updated: a bench's machine, and what an update's tests ask of it."""
 
+import functools
 import json
 import time
 
@@ -14,15 +15,8 @@ STATE, RESULT = "/run/odid-appliance/update.json", "/data/odid/update.json"
 START = "U-Boot 20"
 
 
-def wait_for(what, condition, timeout_s):
-    """The first value of the condition that is true. Asking costs the machine: seldom."""
-    deadline = time.monotonic() + timeout_s
-    while time.monotonic() < deadline:
-        value = condition()
-        if value:
-            return value
-        time.sleep(0.3)
-    raise TimeoutError(f"waited {timeout_s} s in vain for {what}")
+# Asking costs the machine: seldom.
+wait_for = functools.partial(parts.wait_for, every_s=0.3)
 
 
 class Appliance:

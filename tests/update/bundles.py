@@ -8,6 +8,7 @@ from collections import namedtuple
 from pathlib import Path
 
 from bench import disk as disks
+from bench.disk import call
 from host import parts
 
 BUILD = parts.ROOT / "build/update"
@@ -23,10 +24,6 @@ Failure = namedtuple("Failure", "name changes says itself", defaults=(True,))
 # It stands for a missing firmware file: no Bluetooth controller comes.
 NO_BLUETOOTH = Failure("no_bluetooth", {"usr/sbin/hci-attach": None}, "Bluetooth.*isn't on the air")
 NO_KERNEL = Failure("no_kernel", {"boot/Image": b"no kernel"}, "slot b kernel refused", False)
-
-
-def call(*words, **options):
-    return disks.call(*words, **options)
 
 
 def running_version():
@@ -72,11 +69,6 @@ def slot(name, changes):
     call(COMMON / "seal-slot.sh", target)
     mark.write_text(fingerprint, encoding="utf-8")
     return target
-
-
-def version(number):
-    """What says of a slot which version it is."""
-    return {"etc/odid/version": f"{number}\n".encode()}
 
 
 def bundle(name, version, changes=None, board=BOARD, keys=KEYS, slot_file=None):

@@ -1,5 +1,7 @@
 """Appliances to update. What they are made of: README.md."""
 
+import re
+
 import pytest
 from bench.machine import missing
 
@@ -25,6 +27,15 @@ def make_appliance():
     yield make
     for one in made:
         one.close()
+
+
+@pytest.fixture
+def ready(make_appliance, request):
+    """An appliance of the test's own that takes a bundle."""
+    one = make_appliance(re.sub(r"\W+", "_", request.node.name))
+    one.power_on()
+    one.wait_ready()
+    return one
 
 
 @pytest.fixture(scope="module")

@@ -36,6 +36,13 @@ def arm(appliance, logs, armed=True):
     wait_for("armed" if armed else "disarmed", lambda: appliance.armed() is armed, 30)
 
 
+def on_trial(appliance, bundle):
+    """Its slot is started, and the daemon answers."""
+    installed(appliance, bundle)
+    appliance.machine.wait_shell()
+    wait_for("the daemon", appliance.machine.status, 30)
+
+
 def told(appliance, reason):
     """What the autopilot hears of us: ARM_STATUS."""
     return any(reason in str(answer) for answer in appliance.machine.answers()[-12:])
@@ -87,10 +94,7 @@ def test_no_restart_into_the_new_slot(ready, logs):
 
 
 def test_the_trial_stands_still(ready, logs):
-    installed(ready, bundles.bundle("good", NEWER))
-    machine = ready.machine
-    machine.wait_shell()
-    wait_for("the daemon", machine.status, 30)
+    on_trial(ready, bundles.bundle("good", NEWER))
     arm(ready, logs)
     ready.wait_state("trial")
     wait_for("ARM_STATUS", lambda: told(ready, "update in progress"), 10)
@@ -103,10 +107,7 @@ def test_the_trial_stands_still(ready, logs):
 
 
 def test_a_failed_trial_waits_for_the_ground(ready, logs):
-    installed(ready, bundles.bundle("no_bluetooth", NEWER, NO_BLUETOOTH.changes))
-    machine = ready.machine
-    machine.wait_shell()
-    wait_for("the daemon", machine.status, 30)
+    on_trial(ready, bundles.bundle("no_bluetooth", NEWER, NO_BLUETOOTH.changes))
     ready.wait_state("trial")
     arm(ready, logs)
     no_restart(ready, LONG_ENOUGH_S)
@@ -124,13 +125,10 @@ def test_a_failed_trial_waits_for_the_ground(ready, logs):
 
 def test_after_a_watchdog_reset_armed_is_known_at_once(ready, logs):
     """In flight, on trial: the board is reset; nothing is decided, and it doesn't restart."""
-    installed(ready, bundles.bundle("no_bluetooth", NEWER, NO_BLUETOOTH.changes))
-    machine = ready.machine
-    machine.wait_shell()
-    wait_for("the daemon", machine.status, 30)
+    on_trial(ready, bundles.bundle("no_bluetooth", NEWER, NO_BLUETOOTH.changes))
     arm(ready, logs)
     before = ready.starts()
-    machine.qmp.command("system_reset")
+    ready.machine.qmp.command("system_reset")
     ready.wait_restart(before)
     wait_for("armed", ready.armed, 30)
     ready.wait_state("trial")

@@ -2,15 +2,15 @@
 
 import re
 
-import pytest
+from bench.disk import call
 from bench.machine import configuration
 
 from . import LONG, bundles
 from .appliance import wait_for
 from .bundles import NEWER
 
-
 pytestmark = LONG
+
 
 def stick(name, *files):
     """A stick with those files at its top level."""
@@ -18,9 +18,9 @@ def stick(name, *files):
     image.unlink(missing_ok=True)
     with open(image, "wb") as out:
         out.truncate(sum(file.stat().st_size for file in files) + (16 << 20))
-    bundles.call("mkfs.fat", "-F", "32", image)
+    call("mkfs.fat", "-F", "32", image)
     for file in files:
-        bundles.call("mcopy", "-i", image, file, f"::{file.name}")
+        call("mcopy", "-i", image, file, f"::{file.name}")
     return image
 
 
@@ -28,14 +28,6 @@ def plug(machine, image):
     machine.qmp.command("blockdev-add", **{"driver": "raw", "node-name": "stick", "read-only": True,
                                            "file": {"driver": "file", "filename": str(image)}})
     machine.qmp.command("device_add", driver="usb-storage", id="stick", drive="stick", bus="usb.0")
-
-
-@pytest.fixture
-def ready(make_appliance, request):
-    one = make_appliance(re.sub(r"\W+", "_", request.node.name))
-    one.power_on()
-    one.wait_ready()
-    return one
 
 
 def test_the_newest_that_fits_is_taken_once(ready):

@@ -32,14 +32,6 @@ FAILURES = (
 )
 
 
-@pytest.fixture
-def ready(make_appliance, request):
-    one = make_appliance(re.sub(r"\W+", "_", request.node.name))
-    one.power_on()
-    one.wait_ready()
-    return one
-
-
 def installed(appliance, bundle):
     """Gives it the bundle, and waits until its slot was started; when that was."""
     before, began = appliance.starts(), time.monotonic()
