@@ -420,7 +420,9 @@ class Machine:
             words += ["--seconds", seconds]
         if show:
             return subprocess.Popen([str(word) for word in words], env=parts.environment(), cwd=parts.ROOT)
-        part = parts.Part([*words, "--quiet"], f"{out}.log")
+        log = Path(f"{out}.log")
+        log.unlink(missing_ok=True)  # an older judge's says "listening", too
+        part = parts.Part([*words, "--quiet"], log)
         parts.wait_for("the judge", lambda: "listening" in part.log(), 30, part)
         return part
 
