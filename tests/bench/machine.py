@@ -28,6 +28,7 @@ from host.air import Air
 from host.controller import Rootcanal, free_ports
 
 from . import disk as disks
+from . import standstill
 
 QEMU = "qemu-system-aarch64"
 SHELL_TIMEOUT_S = 60
@@ -188,6 +189,8 @@ class Machine:
                 "bench.tap", "--listen", self._sockets / "wifi", "--out", self.pcap),
                 self.folder / "tap.log", raised=True))
             parts.wait_for("the capture", (self._sockets / "wifi").exists, 10, tap)
+            self._add(parts.Part(parts.python("bench.standstill", "--out", self.folder / "standstill.jsonl"),
+                                 self.folder / "standstill.log"))
         except BaseException:
             self.close()
             raise
@@ -408,6 +411,10 @@ class Machine:
         path = self.folder / "answers.jsonl"
         text = path.read_text() if path.exists() else ""
         return [json.loads(line) for line in text.splitlines(keepends=True) if line.endswith("\n")]
+
+    def stood_still_s(self, from_mono, until_mono):
+        """How long, at most at once, the machine that this one is emulated on stood still (standstill.py)."""
+        return standstill.longest_s(self.folder / "standstill.jsonl", from_mono, until_mono)
 
     # --- the judge ----------------------------------------------------------
 

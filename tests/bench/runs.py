@@ -16,6 +16,7 @@ from .machine import CHANNELS, Machine
 
 FOLDER = parts.ROOT / "build/faults"
 SETTLE_S = 3.0
+AGAIN = 2
 FLIGHT_S = 1500  # longer than all faults together
 
 
@@ -28,6 +29,7 @@ class Outcome:
     channel: str | None = None
     to_first_s: dict = field(default_factory=dict)
     problems: list = field(default_factory=list)
+    stood_still_s: float = 0.0  # the measuring machine, while this was measured
 
     @property
     def passed(self):
@@ -91,6 +93,11 @@ class Run:
             raise RuntimeError(f"the judge ended with {status}: {self.judge.log()[-2000:]}")
         return Contents(self.folder / "judge/receptions.jsonl")
 
+    def stood_still_s(self, fault):
+        """The measuring machine, during this fault."""
+        injected, until = self.windows[fault.name]
+        return self.machine.stood_still_s(injected.at, until)
+
     def close(self):
         """May be called again."""
         if self.judge:
@@ -143,6 +150,7 @@ def in_flight(wanted=faults.IN_FLIGHT, say=print):
         for fault in done:
             if fault.name in run.windows:
                 outcomes[fault.name] = judge_window(fault, contents, run.windows[fault.name])
+                outcomes[fault.name].stood_still_s = run.stood_still_s(fault)
             else:
                 outcomes[fault.name] = Outcome(fault.name, fault.what, fault.limit_s)
             if fault.name in failed:
@@ -189,6 +197,7 @@ def boot(fault, say=print):
     finally:
         if run:
             run.close()
+    outcome.stood_still_s = run.machine.stood_still_s(run.machine.powered_mono, until)
     outcome.problems += injected.problems
     outcome.gap_s, outcome.channel = contents.worst_gap(CHANNELS, injected.back, until, clip=True)
     for channel, limit_s in fault.to_first_s.items():
@@ -199,6 +208,25 @@ def boot(fault, say=print):
                 "never" if first is None else f"{first - started:.2f} s after init") + f", {limit_s:g} s allowed")
     common(contents, [outcome])
     return outcome
+
+
+def once(wanted, say):
+    found = in_flight([one for one in wanted if one in faults.IN_FLIGHT], say)
+    found.update((one.name, boot(one, say)) for one in wanted if one in faults.BOOTS)
+    return found
+
+
+def everything(wanted, say=print):
+    """All that is wanted. What failed while the measuring machine stood still says nothing of the
+    appliance and is done again: the figure that counts is always one that was measured."""
+    found = once(wanted, say)
+    for _ in range(AGAIN):
+        disturbed = [one for one in wanted if not found[one.name].passed and found[one.name].stood_still_s > 0]
+        for one in disturbed:
+            say(f"fault: {one.name}: again: this machine stood still for {found[one.name].stood_still_s:.2f} s "
+                f"while {found[one.name].gap_s} s was measured", flush=True)
+        found.update(once(disturbed, say))
+    return found
 
 
 def table(outcomes, names=None):

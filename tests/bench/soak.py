@@ -74,7 +74,7 @@ def growth(samples):
 
 
 def fly(machine, seconds):
-    """The flight, judged and looked at. The judge's exit code and the samples."""
+    """The flight, judged and looked at. The judge's exit code, the samples, and how long this machine stood still."""
     machine.power_on()
     machine.wait_on_air()
     machine.play(flights.generate(FOLDER / "flight.tlog", seconds + 60))
@@ -94,7 +94,7 @@ def fly(machine, seconds):
     finally:
         judge.stop()
     print(judge.log())
-    return code, samples
+    return code, samples, machine.stood_still_s(start, time.monotonic())
 
 
 def main():
@@ -107,7 +107,7 @@ def main():
     FOLDER.mkdir(parents=True, exist_ok=True)
     machine = Machine(FOLDER / "machine")
     try:
-        code, samples = fly(machine, seconds)
+        code, samples, stood_still_s = fly(machine, seconds)
         faults = machine.run("ls /run/faults").output.split()
     finally:
         machine.close()
@@ -117,12 +117,14 @@ def main():
         print(f"{name}: grew by {grown[name]} ({limit} allowed)")
         if grown[name] > limit:
             problems.append(f"{name} grew by {grown[name]}")
+    print(f"the measuring machine stood still for {stood_still_s:.2f} s at most")
     if faults:
         problems.append(f"faults: {', '.join(faults)}")
     path = FOLDER / "figures.json"
     figures = json.loads(path.read_text())
     commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=parts.ROOT, capture_output=True, text=True)
     figures.update({f"growth_{name}": value for name, value in grown.items()}, soak_s=seconds,
+                   stood_still_max_s=stood_still_s,
                    commit=commit.stdout.strip() or "unknown", verdict="FAIL" if problems else "PASS",
                    date=datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds"))
     path.write_text(json.dumps(figures, indent=1) + "\n")

@@ -18,13 +18,22 @@ BEACON, PROBE_RESPONSE = 0x80, 0x50
 SECONDS = 300 if os.environ.get("TEST_LONG") else 40
 
 
-def test_intervals(flying):
+def measured(machine):
+    """The judge's exit code, figures and report of one measurement."""
     out = parts.ROOT / "build/system/intervals"
-    judge = flying.judge(SECONDS, "--played", flying.folder / "played.jsonl", "--expect", ",".join(CHANNELS),
-                         *limits.arguments(), out=out)
+    judge = machine.judge(SECONDS, "--played", machine.folder / "played.jsonl", "--expect", ",".join(CHANNELS),
+                          *limits.arguments(), out=out)
     judge.process.wait(timeout=SECONDS + 120)
-    figures = json.loads((out / "figures.json").read_text())
-    assert judge.stop() == 0, judge.log()[-4000:]
+    return judge.stop(), json.loads((out / "figures.json").read_text()), judge.log()
+
+
+def test_intervals(flying):
+    begun = time.monotonic()
+    code, figures, report = measured(flying)
+    if code != 0 and (stood_still_s := flying.stood_still_s(begun, time.monotonic())) > 0:
+        print(f"again: this machine stood still for {stood_still_s} s; measured was\n{report}")
+        code, figures, report = measured(flying)
+    assert code == 0, report[-4000:]
     assert figures["verdict"] == "PASS"
     for name, limit_s in limits.AIR_S.items():
         assert figures[name] <= limit_s

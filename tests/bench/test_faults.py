@@ -12,10 +12,7 @@ def outcomes(request):
     """All that were asked for, run once; the figures are written when it is all of them."""
     wanted = {item.callspec.params["name"] for item in request.session.items
               if "outcomes" in getattr(item, "fixturenames", ()) and hasattr(item, "callspec")}
-    found = runs.in_flight([one for one in faults.IN_FLIGHT if one.name in wanted])
-    for fault in faults.BOOTS:
-        if fault.name in wanted:
-            found[fault.name] = runs.boot(fault)
+    found = runs.everything([one for one in faults.IN_FLIGHT + faults.BOOTS if one.name in wanted])
     text = runs.table(found, None if wanted == set(faults.NAMES) else wanted)
     print(f"\n{text}")
     if wanted == set(faults.NAMES):

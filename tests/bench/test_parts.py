@@ -1,13 +1,16 @@
 """The bench's own parts, without a machine."""
 
 import json
+import os
+import signal
 import struct
+import time
 
 import pytest
-from host import tlog
+from host import parts, realtime, tlog
 from host.flight import write_flight
 
-from . import flights, gaps
+from . import faults, flights, gaps, runs, standstill
 from .machine import configuration
 from .tap import HEADER, MAGIC, RECORD, Stream
 
@@ -95,3 +98,36 @@ def test_a_restarted_autopilot_has_a_younger_clock_only(tmp_path):
 def test_the_configuration_is_the_society_s_with_what_is_added():
     text = configuration(self_id={"description": "Test"}, wifi={"channel": 11})
     assert "uas_id = SSRS5GBG01" in text and "description = Test\n" in text and "[wifi]\nchannel = 11" in text
+
+
+@pytest.mark.skipif(not realtime.granted(), reason="this machine grants no real-time priority")
+def test_a_machine_that_stands_still_is_noticed(tmp_path):
+    log = tmp_path / "standstill.jsonl"
+    watch = parts.Part(parts.python("bench.standstill", "--out", log), tmp_path / "log")
+    try:
+        parts.wait_for("the log", log.exists, 10, watch)
+        time.sleep(0.2)
+        begun = time.monotonic()
+        os.kill(watch.process.pid, signal.SIGSTOP)
+        time.sleep(0.5)
+        os.kill(watch.process.pid, signal.SIGCONT)
+        time.sleep(0.2)
+    finally:
+        watch.stop()
+    assert 0.4 < standstill.longest_s(log, begun, time.monotonic()) < 0.7
+    assert standstill.longest_s(log, begun - 100, begun - 50) == 0
+    assert standstill.longest_s(tmp_path / "none", 0, time.monotonic()) == 0
+
+
+@pytest.mark.parametrize("gaps_s, stood_still_s, wanted_s", [
+    ([0.7, 0.4], 0.3, 0.4),       # late because of the machine: measured again
+    ([0.7, 0.4], 0.0, 0.7),       # late, and the machine was there all the time
+    ([0.4, 0.7], 0.3, 0.4),       # in time: once is enough
+    ([0.7, 0.8, 0.9, 0.1], 0.3, 0.9),  # not for ever
+])
+def test_only_what_failed_in_a_standstill_is_done_again(monkeypatch, gaps_s, stood_still_s, wanted_s):
+    load, left = next(one for one in faults.IN_FLIGHT if one.name == "load"), list(gaps_s)
+    monkeypatch.setattr(runs, "once", lambda wanted, say: {
+        one.name: runs.Outcome(one.name, one.what, one.limit_s, left.pop(0), "wifi", stood_still_s=stood_still_s)
+        for one in wanted})
+    assert runs.everything([load])["load"].gap_s == wanted_s
