@@ -216,7 +216,7 @@ def once(wanted, say):
     return found
 
 
-def everything(wanted, say=print):
+def outcomes_of(wanted, say=print):
     """All that is wanted. What failed while the measuring machine stood still says nothing of the
     appliance and is done again: the figure that counts is always one that was measured."""
     found = once(wanted, say)

@@ -12,7 +12,7 @@ def outcomes(request):
     """All that were asked for, run once; the figures are written when it is all of them."""
     wanted = {item.callspec.params["name"] for item in request.session.items
               if "outcomes" in getattr(item, "fixturenames", ()) and hasattr(item, "callspec")}
-    found = runs.everything([one for one in faults.IN_FLIGHT + faults.BOOTS if one.name in wanted])
+    found = runs.outcomes_of([one for one in faults.IN_FLIGHT + faults.BOOTS if one.name in wanted])
     text = runs.table(found, None if wanted == set(faults.NAMES) else wanted)
     print(f"\n{text}")
     if wanted == set(faults.NAMES):

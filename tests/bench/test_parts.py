@@ -130,4 +130,4 @@ def test_only_what_failed_in_a_standstill_is_done_again(monkeypatch, gaps_s, sto
     monkeypatch.setattr(runs, "once", lambda wanted, say: {
         one.name: runs.Outcome(one.name, one.what, one.limit_s, left.pop(0), "wifi", stood_still_s=stood_still_s)
         for one in wanted})
-    assert runs.everything([load])["load"].gap_s == wanted_s
+    assert runs.outcomes_of([load])["load"].gap_s == wanted_s
