@@ -4,8 +4,8 @@ air, and nothing may grow in the machine.
   SECONDS=<n>      how long (1800)
 
 Every minute it is looked at from the bench's own console: memory that only the process itself has
-(RssAnon), open file descriptors and used disk. What grew is the difference between the sample after
-SETTLED_S, when every service has done all it does once, and the last one.
+(RssAnon), open file descriptors and used disk. What grew is the difference between the first samples
+after SETTLED_S, when every service has done all it does once, and the last ones.
 """
 
 import datetime
@@ -65,12 +65,17 @@ def look(machine, at_s):
                   sum(one for _, one in processes.values()), sums["memory"], sums["tmpfs"], sums["data"])
 
 
+def least(samples):
+    """Of each of GROWTH what all of these had: one of them may have met a connection that was just made."""
+    used = [one._replace(memory_kib=-one.memory_kib) for one in samples]  # what is available gets less
+    return {name: min(getattr(one, name) for one in used) for name in GROWTH}
+
+
 def growth(samples):
-    """What grew from the first settled sample to the last one, in GROWTH's units."""
-    first, last = next(one for one in samples if one.at_s >= SETTLED_S), samples[-1]
-    grown = {name: getattr(last, name) - getattr(first, name) for name in GROWTH}
-    grown["memory_kib"] = -grown["memory_kib"]  # what is available gets less
-    return grown
+    """What grew from the first two settled samples to the last three, in GROWTH's units."""
+    settled = [one for one in samples if one.at_s >= SETTLED_S]
+    first, last = least(settled[:2]), least(settled[2:][-3:])
+    return {name: last[name] - first[name] for name in GROWTH}
 
 
 def fly(machine, seconds):
@@ -99,8 +104,8 @@ def fly(machine, seconds):
 
 def main():
     seconds = float(os.environ.get("SECONDS") or DEFAULT_S)
-    if seconds < SETTLED_S + EVERY_S:
-        sys.exit(f"soak: SECONDS={seconds:g}: at least {SETTLED_S + EVERY_S} are needed to see growth")
+    if seconds < SETTLED_S + 4 * EVERY_S:
+        sys.exit(f"soak: SECONDS={seconds:g}: at least {SETTLED_S + 4 * EVERY_S} are needed to see growth")
     reason = missing()
     if reason:
         sys.exit(f"soak: {reason}")

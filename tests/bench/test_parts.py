@@ -10,7 +10,7 @@ import pytest
 from host import parts, realtime, tlog
 from host.flight import write_flight
 
-from . import faults, flights, gaps, runs, standstill
+from . import faults, flights, gaps, runs, soak, standstill
 from .machine import configuration
 from .tap import HEADER, MAGIC, RECORD, Stream
 
@@ -131,3 +131,18 @@ def test_only_what_failed_in_a_standstill_is_done_again(monkeypatch, gaps_s, sto
         one.name: runs.Outcome(one.name, one.what, one.limit_s, left.pop(0), "wifi", stood_still_s=stood_still_s)
         for one in wanted})
     assert runs.outcomes_of([load])["load"].gap_s == wanted_s
+
+
+def samples(*descriptors):
+    """One a minute, the first ones before anything is settled."""
+    return [soak.Sample(60 * minute, {}, 6500, number, 300000, 364, 24) for minute, number in enumerate(descriptors)]
+
+
+@pytest.mark.parametrize("descriptors, grown", [
+    ([90, 95, 97, 98, 98, 98, 98, 98], 0),     # before the third minute all is new
+    ([98, 98, 98, 98, 98, 98, 98, 102], 0),    # a connection that was just made
+    ([98, 98, 98, 98, 99, 100, 101, 102], 2),  # a leak
+    ([98, 98, 98, 98, 98, 99, 99, 99], 1),
+])
+def test_what_grows_is_told_from_what_comes_and_goes(descriptors, grown):
+    assert soak.growth(samples(*descriptors))["file_descriptors"] == grown
