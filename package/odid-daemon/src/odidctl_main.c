@@ -132,17 +132,18 @@ static const struct command {
     int least, most; /* words, with its own */
     const char *needs;
     int (*run)(char *const words[]);
+    bool json; /* whether it can answer so */
 } commands[] = {
-    {"status", 1, 1, "status takes no words", run_status},
-    {"watch", 1, 1, "watch takes no words", run_watch},
-    {"flights", 1, 2, "flights takes at most one number", run_flights},
-    {"check", 2, 2, "check needs one FILE", run_check},
-    {"get", 2, WORDS_MAX, "get needs at least one SECTION.KEY, and takes up to 11", run_get},
-    {"set", 3, 3, "set needs SECTION.KEY and VALUE; quote a value with blanks", run_set},
-    {"import", 2, 2, "import needs one DIR", run_import},
-    {"maintenance", 2, 2, "maintenance needs \"on\" or \"off\"", run_maintenance},
-    {"factory-reset", 1, 1, "factory-reset takes no words", run_factory_reset},
-    {"update", 1, 2, "update takes at most one FILE or URL", run_update},
+    {"status", 1, 1, "status takes no words", run_status, true},
+    {"watch", 1, 1, "watch takes no words", run_watch, false},
+    {"flights", 1, 2, "flights takes at most one number", run_flights, true},
+    {"check", 2, 2, "check needs one FILE", run_check, false},
+    {"get", 2, WORDS_MAX, "get needs at least one SECTION.KEY, and takes up to 11", run_get, false},
+    {"set", 3, 3, "set needs SECTION.KEY and VALUE; quote a value with blanks", run_set, false},
+    {"import", 2, 2, "import needs one DIR", run_import, false},
+    {"maintenance", 2, 2, "maintenance needs \"on\" or \"off\"", run_maintenance, false},
+    {"factory-reset", 1, 1, "factory-reset takes no words", run_factory_reset, false},
+    {"update", 1, 2, "update takes at most one FILE or URL", run_update, false},
 };
 
 /* ---- command line ---- */
@@ -153,17 +154,25 @@ static int wrong_usage(const char *what)
     return ODIDCTL_USAGE;
 }
 
+static int run_command(const struct command *command, int count, char *const words[])
+{
+    if (count < command->least || count > command->most) {
+        return wrong_usage(command->needs);
+    }
+    if (self.json && !command->json) {
+        return wrong_usage("only status and flights have --json");
+    }
+    return command->run(words);
+}
+
 static int run(int count, char *const words[])
 {
     if (count == 0) {
         return wrong_usage("say what to do");
     }
     for (size_t i = 0; i < sizeof(commands) / sizeof(commands[0]); i++) {
-        const struct command *command = &commands[i];
-
-        if (strcmp(words[0], command->name) == 0) {
-            return count >= command->least && count <= command->most ? command->run(words)
-                                                                     : wrong_usage(command->needs);
+        if (strcmp(words[0], commands[i].name) == 0) {
+            return run_command(&commands[i], count, words);
         }
     }
     return wrong_usage("no such command");
