@@ -1,11 +1,25 @@
 """Appliances to update. What they are made of: README.md."""
 
+import os
 import re
 
 import pytest
 from bench.machine import missing
 
 from .appliance import Appliance
+
+
+def pytest_configure(config):
+    config.addinivalue_line("markers", "long: takes minutes: make update, make test-long")
+
+
+def pytest_collection_modifyitems(config, items):
+    """Those are left out, rather than skipped: what `make test` skips is what this machine can't do."""
+    if os.environ.get("TEST_LONG"):
+        return
+    left_out = [item for item in items if item.get_closest_marker("long")]
+    items[:] = [item for item in items if item not in left_out]
+    config.hook.pytest_deselected(items=left_out)
 
 
 @pytest.fixture(scope="session", autouse=True)
