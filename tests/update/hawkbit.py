@@ -17,6 +17,9 @@ from pathlib import Path
 EXECUTIONS = {"closed", "proceeding", "canceled", "scheduled", "rejected", "resumed", "downloaded", "download"}
 FINISHED = {"success", "failure", "none"}
 GUEST_SEES = "10.0.2.2"
+# hawkBit's own least interval, unless it is set otherwise. SWUpdate asks at this interval in the middle of a
+# download, too, and reads one piece of it between two answers when these take longer than the interval.
+OFFERED_POLL_S = 30
 JSON = "application/hal+json"
 
 
@@ -66,6 +69,7 @@ class HawkBit:
         self.action = self.bundle = self.version = None
         self.polls = self.octets = 0        # octets: of both directions, above TCP and TLS
         self.attributes, self.feedback, self.violations, self.refused = {}, [], [], 0
+        self.break_at, self.resumed_at = None, []       # octets of a bundle
         outer = self
 
         class Handler(http.server.BaseHTTPRequestHandler):
@@ -79,16 +83,20 @@ class HawkBit:
 
             do_GET = do_HEAD = do_POST = do_PUT = _go       # noqa: N815, the library's names
 
-            def give(self, code, data=b"", kind=JSON):
+            def give(self, code, data=b"", kind=JSON, lost=0, **headers):
+                """lost: so many octets of it don't come, and the connection ends."""
                 self.send_response(code)
                 self.send_header("Content-Type", kind)
                 self.send_header("Content-Length", str(len(data)))
+                for name, value in headers.items():
+                    self.send_header(name.replace("_", "-"), value)
                 outer.octets += sum(map(len, self._headers_buffer)) + len(data)
                 self.end_headers()
                 if self.command == "HEAD":
                     return
+                self.close_connection = self.close_connection or lost > 0
                 with contextlib.suppress(OSError):      # it had enough
-                    self.wfile.write(data)
+                    self.wfile.write(data[:len(data) - lost])
 
             def log_message(self, *_):
                 pass
@@ -144,16 +152,17 @@ class HawkBit:
             if method == "POST" and match[2]:
                 return self._take_feedback(request, body)
         if method in ("GET", "HEAD") and rest == f"/softwaremodules/1/artifacts/{self.bundle and self.bundle.name}":
-            return request.give(200, self.bundle.read_bytes(), "application/octet-stream")
+            return self._give_bundle(request)
         self.violations.append(f"{method} {path}")
         return request.give(404)
 
     def _root(self):
-        hours, rest = divmod(self.poll_s, 3600)
+        offered = self.action and self.outcome(self.action) is None
+        hours, rest = divmod(OFFERED_POLL_S if offered else self.poll_s, 3600)
         links = {}
         if not self.attributes:
             links["configData"] = {"href": f"{self.url}{self.base}/configData"}
-        if self.action and self.outcome(self.action) is None:
+        if offered:
             links["deploymentBase"] = {"href": f"{self.url}{self.base}/deploymentBase/{self.action}?c=1"}
         return {"config": {"polling": {"sleep": f"{hours:02}:{rest // 60:02}:{rest % 60:02}"}}, "_links": links}
 
@@ -166,6 +175,17 @@ class HawkBit:
                 "hashes": {"sha1": hashlib.sha1(data).hexdigest(), "md5": hashlib.md5(data).hexdigest(),
                            "sha256": hashlib.sha256(data).hexdigest()},
                 "_links": {"download-http": {"href": href}, "md5sum-http": {"href": f"{href}.MD5SUM"}}}]}]}}
+
+    def _give_bundle(self, request):
+        """All of it; or the rest, for a device whose connection broke."""
+        data, kind = self.bundle.read_bytes(), "application/octet-stream"
+        part = re.fullmatch(r"bytes=(\d+)-", request.headers.get("Range", ""))
+        if part:
+            start = int(part[1])
+            self.resumed_at.append(start)
+            request.give(206, data[start:], kind, Content_Range=f"bytes {start}-{len(data) - 1}/{len(data)}")
+        else:
+            request.give(200, data, kind, lost=len(data) - self.break_at if self.break_at else 0)
 
     def _take_attributes(self, request, body):
         got = json.loads(body)

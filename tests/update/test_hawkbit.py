@@ -56,6 +56,15 @@ def test_an_update_is_fetched_installed_and_reported(ready, server):
     assert ready.starts() == before + 1     # and it isn't installed again
 
 
+def test_a_connection_that_breaks_is_taken_up_where_it_was(ready, server):
+    bundle, before = bundles.bundle("good", NEWER), ready.starts()
+    server.break_at = bundle.stat().st_size // 3
+    server.offer(21, bundle, NEWER)
+    ready.wait_restart(before, 180)
+    assert server.resumed_at == [server.break_at]
+    assert not server.violations
+
+
 def test_a_rolled_back_one_is_reported(ready, server):
     before = ready.starts()
     server.offer(18, bundles.bundle("no_bluetooth", NEWER, NO_BLUETOOTH.changes), NEWER)
