@@ -497,6 +497,7 @@ int main(void)
 {
     static const struct update_installer_calls calls = {
         .begins = on_begins, .version = on_version, .progress = on_progress, .ends = on_ends};
+    bool first = access(STATE "/" UPDATE_STATE_FILE, F_OK) < 0; /* since power-on */
     int result = loop_init();
 
     setenv("TMPDIR", "/run/swupdate", 0); /* where libswupdate looks for SWUpdate */
@@ -512,6 +513,6 @@ int main(void)
     }
     loop_timer_init(&self.tick, on_tick, NULL);
     loop_arm(&self.tick, loop_now_us());
-    update_installer_watch(&calls);
+    update_installer_watch(&calls, first);
     return loop_run() < 0 ? EXIT_FAILURE : EXIT_SUCCESS;
 }

@@ -7,19 +7,22 @@
 #include <stdio.h>
 #include <string.h>
 #include <sys/epoll.h>
+#include <sys/socket.h>
 #include <unistd.h>
 
 #include "loop.h"
 #include "update.h"
 
-#define AGAIN_US 1000000
+/* Soon: what hawkBit's client begins may come a moment after SWUpdate's start. */
+#define AGAIN_US 100000
 /* To a new listener SWUpdate first repeats, at once, what it said of its last install. */
 #define HISTORY_US 300000
 
 static struct {
     const struct update_installer_calls *calls;
     struct loop_timer again, history;
-    bool in_history;
+    bool in_history; /* what comes was heard before */
+    pid_t heard;     /* the SWUpdate that was listened to last; 0: none, -1: not known which */
     struct loop_watch notices, progress;
     bool running, succeeded;
     char complaint[UPDATE_SENTENCE_SIZE];
@@ -84,6 +87,10 @@ static void take_notice(const ipc_message *message, int64_t now_us)
         self.succeeded = true;
         break;
     case FAILURE:
+        /* Its hawkBit client asks it all the time, and doesn't wait for each answer. */
+        if (strstr(message->data.notify.msg, "on socket ctrl") != NULL) {
+            break;
+        }
         self.succeeded = false;
         if (self.complaint[0] == '\0') {
             snprintf(self.complaint, sizeof(self.complaint), "%.*s",
@@ -186,6 +193,25 @@ static void on_history_told(void *context, int64_t now_us)
     }
 }
 
+static pid_t peer_of(int socket)
+{
+    struct ucred peer = {.pid = 0};
+    socklen_t size = sizeof(peer);
+
+    getsockopt(socket, SOL_SOCKET, SO_PEERCRED, &peer, &size);
+    return peer.pid;
+}
+
+/* What a SWUpdate that nobody listened to yet repeats is news: it can have refused a bundle before
+ * we were there. */
+static bool was_heard(int socket)
+{
+    pid_t heard = self.heard;
+
+    self.heard = peer_of(socket);
+    return heard == -1 || heard == self.heard;
+}
+
 static void connect_now(void *context, int64_t now_us)
 {
     int notices = -1, progress = -1;
@@ -202,15 +228,18 @@ static void connect_now(void *context, int64_t now_us)
         loop_arm(&self.again, now_us + AGAIN_US);
         return;
     }
-    self.in_history = true;
-    loop_arm(&self.history, now_us + HISTORY_US);
+    self.in_history = was_heard(notices);
+    if (self.in_history) {
+        loop_arm(&self.history, now_us + HISTORY_US);
+    }
     loop_watch(&self.progress, progress, EPOLLIN, on_progress, NULL);
     loop_watch(&self.notices, notices, EPOLLIN, on_notice, NULL);
 }
 
-void update_installer_watch(const struct update_installer_calls *calls)
+void update_installer_watch(const struct update_installer_calls *calls, bool from_the_start)
 {
     self.calls = calls;
+    self.heard = from_the_start ? 0 : -1;
     loop_timer_init(&self.again, connect_now, NULL);
     loop_timer_init(&self.history, on_history_told, NULL);
     loop_arm(&self.again, loop_now_us());

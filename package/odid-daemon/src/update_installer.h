@@ -16,8 +16,11 @@ struct update_installer_calls {
     void (*ends)(const char *why, int64_t now_us);
 };
 
-/* Within loop.h's loop; connects by itself, again and again. */
-void update_installer_watch(const struct update_installer_calls *calls);
+/*
+ * Within loop.h's loop; connects by itself, again and again. from_the_start: nobody has watched
+ * before; else what the first SWUpdate says of an install that has ended is old.
+ */
+void update_installer_watch(const struct update_installer_calls *calls, bool from_the_start);
 
 /* What SWUpdate's complaints (the first one counts) mean to a technician. hardware: this board's.
  */

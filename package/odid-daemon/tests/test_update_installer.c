@@ -1,0 +1,203 @@
+/* What SWUpdate tells a listener, now and of earlier: which of it is news? */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <fcntl.h>
+#include <network_ipc.h>
+#include <progress_ipc.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "loop_until.h"
+#include "update_installer.h"
+
+static char folder[] = "/tmp/odid-installer-XXXXXX";
+
+/* ---- a SWUpdate ---- */
+
+struct swupdate {
+    pid_t pid;
+    int orders; /* an octet: the listener is sent away; its end: SWUpdate ends */
+};
+
+static int listen_at(const char *path)
+{
+    struct sockaddr_un address = {.sun_family = AF_UNIX};
+    int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+
+    snprintf(address.sun_path, sizeof(address.sun_path), "%s", path);
+    unlink(path);
+    if (fd < 0 || bind(fd, (struct sockaddr *)&address, sizeof(address)) < 0 || listen(fd, 5) < 0) {
+        _exit(1);
+    }
+    return fd;
+}
+
+static void say(int fd, char letter)
+{
+    ipc_message message = {.magic = IPC_MAGIC, .type = NOTIFY_STREAM};
+
+    message.data.notify.status = letter == 'S'   ? START
+                                 : letter == 'I' ? IDLE
+                                 : letter == 'G' ? SUCCESS
+                                                 : FAILURE;
+    strcpy(message.data.notify.msg,
+           letter == 'E' ? "ERROR : Error write on socket ctrl" : "HASH mismatch");
+    if (write(fd, &message, sizeof(message)) != sizeof(message)) {
+        _exit(1);
+    }
+}
+
+/* history: a letter for each message: Start, Failure, Good, Idle, Error of the socket's; a word for
+ * each time that somebody begins to listen. */
+static void serve(const char *history, int orders)
+{
+    int control = listen_at(get_ctrl_socket());
+    ipc_message message;
+    char order;
+
+    for (;;) {
+        int fd = accept(control, NULL, NULL);
+
+        if (read(fd, &message, sizeof(message)) != sizeof(message)) {
+            _exit(1);
+        }
+        message.type = ACK;
+        if (write(fd, &message, sizeof(message)) != sizeof(message)) {
+            _exit(1);
+        }
+        for (; *history != '\0' && *history != ' '; history++) {
+            say(fd, *history);
+        }
+        history += *history == ' ';
+        if (read(orders, &order, 1) != 1) {
+            _exit(0);
+        }
+        close(fd);
+    }
+}
+
+static struct swupdate start(const char *history)
+{
+    struct swupdate one;
+    int ends[2];
+
+    assert_int_equal(pipe2(ends, O_CLOEXEC), 0);
+    one.orders = ends[1];
+    one.pid = fork();
+    if (one.pid == 0) {
+        close(ends[1]);
+        listen_at(get_prog_socket());
+        serve(history, ends[0]);
+    }
+    close(ends[0]);
+    return one;
+}
+
+static void end(struct swupdate one)
+{
+    int status;
+
+    close(one.orders);
+    assert_int_equal(waitpid(one.pid, &status, 0), one.pid);
+    assert_int_equal(status, 0);
+}
+
+/* ---- what is told of it ---- */
+
+static struct {
+    unsigned begun, ended;
+    char why[200];
+} told;
+
+static void on_begins(int64_t now_us)
+{
+    (void)now_us;
+    told.begun++;
+}
+
+static void on_version(const char *version)
+{
+    (void)version;
+}
+
+static void on_progress(int percent, int64_t now_us)
+{
+    (void)percent;
+    (void)now_us;
+}
+
+static void on_ends(const char *why, int64_t now_us)
+{
+    (void)now_us;
+    told.ended++;
+    snprintf(told.why, sizeof(told.why), "%s", why);
+}
+
+static void expect_told(unsigned begun, unsigned ended, const char *why)
+{
+    run_ms(700); /* it connects every 100 ms, and takes what comes within 300 ms for history */
+    assert_int_equal(told.begun, begun);
+    assert_int_equal(told.ended, ended);
+    assert_string_equal(told.why, why);
+}
+
+static void history_is_news_unless_it_was_heard(void **state)
+{
+    static const struct update_installer_calls calls = {
+        .begins = on_begins, .version = on_version, .progress = on_progress, .ends = on_ends};
+    struct swupdate one = start("SFI SFIS");
+
+    (void)state;
+    assert_int_equal(loop_init(), 0);
+    update_installer_watch(&calls, false);
+    expect_told(0, 0, ""); /* whoever watched before us was told */
+    assert_int_equal(write(one.orders, "x", 1), 1);
+    expect_told(1, 0, ""); /* the same SWUpdate; but an install goes on */
+    end(one);
+    expect_told(1, 1, "SWUpdate ended");
+
+    one = start("SEFI SFI");
+    expect_told(2, 2, "HASH mismatch"); /* a new one, which refused before we were there */
+    assert_int_equal(write(one.orders, "x", 1), 1);
+    expect_told(2, 2, "HASH mismatch");
+    end(one);
+
+    one = start("SEGI");
+    expect_told(3, 3, ""); /* installed, whatever became of an answer to somebody else */
+    end(one);
+}
+
+/* ---- all ---- */
+
+static int make_folder(void **state)
+{
+    (void)state;
+    return mkdtemp(folder) == NULL ? -1 : setenv("TMPDIR", folder, 1);
+}
+
+static int remove_folder(void **state)
+{
+    (void)state;
+    unlink(get_ctrl_socket());
+    unlink(get_prog_socket());
+    return rmdir(folder);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(history_is_news_unless_it_was_heard),
+    };
+
+    return cmocka_run_group_tests(tests, make_folder, remove_folder);
+}
