@@ -436,6 +436,9 @@ def test_the_disk(tmp_path, board, on_boot):
         with open(disk, "rb") as file:
             file.seek(places[number]["start"] * 512)
             return file.read(length or places[number]["size"] * 512)
+    volume, copy = octets(5), (tmp_path / "one/disk-inputs/uboot.env").read_bytes()
+    copies = [match.start() for match in re.finditer(re.escape(copy), volume)]
+    assert len(copies) == 2 and not any(at % 4096 for at in copies), "writing one touches no sector of the other"
     assert octets(6, 4) == b"hsqs" and octets(6) == octets(7)
     assert octets(8, 1082)[1080:] == b"\x53\xef", "ext4"
 
