@@ -10,8 +10,8 @@ asked.
 What is done already isn't done again: build/update/power-cuts holds the record, and a line for each cut.
 A control run takes one protection out, and must fail:
 
-  one-copy   U-Boot's environment has only its first copy
-  no-flush   odidctl doesn't flush what it writes
+  one-copy   U-Boot's environment has one copy: both files lie at the same place. Cuts only while it is written
+  no-flush   odidctl doesn't flush what it writes: a course of settings
 """
 
 import argparse
@@ -19,10 +19,10 @@ import json
 import queue
 import random
 import shutil
+import struct
 import sys
 import threading
 import time
-from pathlib import Path
 
 from bench import disk as disks
 from bench.machine import CHANNELS, Machine, configuration, missing
@@ -34,7 +34,9 @@ from .appliance import Appliance, wait_for
 FOLDER = bundles.BUILD / "power-cuts"
 CONTROLS = ("one-copy", "no-flush")
 FIRST, SECOND, THIRD = "From CONFIG", "Set by odidctl", "Set again"
+SETTINGS, SETTLED_S = 8, 6      # of the course without flushes; the file system writes by itself after 5 s
 VERSIONS = ("1.0.0", "2.0.0", "3.0.0")
+LONG_NAME, FIRST_CLUSTER = 0x0f, 26     # of an entry in a FAT directory: attributes; where a number is
 HARMLESS_FAULTS = {"autopilot", "watchdog", "update"}    # the last one: an update was rolled back
 JOBS = 2        # machines at a time, with one processor each; nothing that is judged is a matter of seconds
 
@@ -44,8 +46,10 @@ JOBS = 2        # machines at a time, with one processor each; nothing that is j
 class Recorded(Machine):
     """Writes to a raw disk, and each request to a record."""
 
-    def record(self, base, live, log):
+    def record(self, base, live, log, one_copy):
         disks.call("qemu-img", "convert", "-O", "raw", self.disk.path, base)
+        if one_copy:
+            share_copy(base)
         disks.call("cp", "--sparse=always", base, live)
         log.write_bytes(b"")
         self._drive = writes.drive(live, log)
@@ -67,7 +71,7 @@ class Course:
         self.machine = Recorded(folder / "machine", config={
             "odid.conf": configuration(self_id={"description": FIRST})})
         self.appliance = Appliance(machine=self.machine)
-        self.machine.record(self.base, folder / "live", self.log)
+        self.machine.record(self.base, folder / "live", self.log, one_copy=control == "one-copy")
 
     def may(self, what, value):
         """From now on a cut may leave this."""
@@ -77,12 +81,17 @@ class Course:
         """Somebody was told that it is so: from now on no cut may leave what was before."""
         self.promises.append((writes.count(self.log), "must", what, value))
 
-    def set(self, description):
+    def set(self, description, environment=""):
         self.may("description", description)
-        preload = "LD_PRELOAD=/tmp/noflush.so " if self.control == "no-flush" else ""
-        self.machine.must(f"{preload}odidctl set self_id.description '{description}'", 30)
+        self.machine.must(f"{environment} odidctl set self_id.description '{description}'", 30)
         self.must("description", description)
         time.sleep(2)
+
+    def set_without_flushes(self):
+        preload.put(self.machine, preload.NO_FLUSH, "/tmp/noflush.so")
+        for number in range(SETTINGS):
+            self.set(f"{SECOND} {number}", "LD_PRELOAD=/tmp/noflush.so")
+            time.sleep(SETTLED_S)
 
     def install(self, bundle, version):
         """Up to the first start of its slot."""
@@ -135,9 +144,9 @@ class Course:
         self.machine.wait_on_air(timeout_s=60)
         self.must("description", FIRST)
         if self.control == "no-flush":
-            preload.put(self.machine, preload.NO_FLUSH, "/tmp/noflush.so")
-        self.set(SECOND)
-        if self.control != "no-flush":
+            self.set_without_flushes()
+        else:
+            self.set(SECOND)
             self.update(VERSIONS[0])
             self.update_in_vain(VERSIONS[1], bundles.NO_KERNEL if short else bundles.NO_BLUETOOTH)
             if not short:
@@ -146,9 +155,27 @@ class Course:
         time.sleep(3)
 
 
+def share_copy(image):
+    """Both files of U-Boot's environment lie where the first one does: there is one copy."""
+    (start, _), entry = places(image)[disks.ENV], struct.Struct("<11sB14xHI")     # name, attributes, first cluster, size
+    with open(image, "r+b") as disk:
+        disk.seek(start * writes.SECTOR)
+        reserved, tables, entries, table = struct.unpack("<14xHBH3xH", disk.read(24))
+        at = (start + reserved + tables * table) * writes.SECTOR
+        found = {}
+        for number in range(entries):
+            disk.seek(at + number * entry.size)
+            name, attributes, cluster, _ = entry.unpack(disk.read(entry.size))
+            if name.endswith(b"ENV") and attributes != LONG_NAME:
+                found[name] = number, cluster
+        (_, first), (second, _) = (found[name] for name in sorted(found))
+        disk.seek(at + second * entry.size + FIRST_CLUSTER)
+        disk.write(struct.pack("<H", first))
+
+
 def recorded(control, short=False, afresh=False):
     """The folder with the record, made unless it is there for this very disk."""
-    folder = FOLDER / (control if control == "no-flush" else "short" if short else "course")
+    folder = FOLDER / (control or ("short" if short else "course"))
     made_of = f"{bundles.root().name} {bundles.KEYS}"
     if not afresh and (folder / "promises.json").exists() and \
             (folder / "made-of").read_text(encoding="utf-8") == made_of:
@@ -186,10 +213,17 @@ def allowed(promises, what, boundary, under_way):
 
 
 def places(image):
-    """(first sector, sectors) of the partitions whose writes decide."""
+    """(first sector, sectors) of each partition."""
     table = json.loads(disks.call("sfdisk", "--json", image))["partitiontable"]["partitions"]
-    found = {int(entry["node"].removeprefix(str(image))): (entry["start"], entry["size"]) for entry in table}
-    return [found[number] for number in (disks.CONFIG, disks.ENV, disks.DATA)]
+    return {int(entry["node"].removeprefix(str(image))): (entry["start"], entry["size"]) for entry in table}
+
+
+def choose(base, requests, count, seed, control):
+    """The cuts: where anything is promised, or where the protection that is taken out counts."""
+    place = places(base)
+    if control == "one-copy":
+        return writes.choose_during(requests, count, seed, place[disks.ENV])
+    return writes.choose(requests, count, seed, [place[number] for number in (disks.CONFIG, disks.ENV, disks.DATA)])
 
 
 class Judge:
@@ -206,12 +240,10 @@ class Judge:
         self.machine.close()
         self.image.unlink(missing_ok=True)
 
-    def judge(self, cut, control):
+    def judge(self, cut):
         """Makes the disk that the cut leaves, and boots it: a line of results."""
-        kind, extra = writes.left(self.requests, cut.boundary, random.Random(cut.seed))
+        kind, extra = writes.left(self.requests, cut.boundary, random.Random(cut.seed), cut.kind)
         writes.disk(self.folder / "base", self.folder / "log", self.requests, cut.boundary, extra, self.image)
-        if control == "one-copy":
-            take_out_copy(self.image)
         try:
             took, found = self._boot()
             wrong = self._wrong(found, cut.boundary)
@@ -248,23 +280,12 @@ class Judge:
         return "; ".join(wrong)
 
 
-def take_out_copy(image):
-    """Overwrites the environment's second copy with noise."""
-    start, _ = places(image)[1]
-    data = disks.call("mdir", "-i", f"{image}@@{start * writes.SECTOR}", "::")
-    assert "uboot-redund" in data.lower() or "UBOOT-" in data
-    noise = Path(f"{image}.noise")
-    noise.write_bytes(random.Random(0).randbytes(0x4000))
-    disks.call("mcopy", "-o", "-i", f"{image}@@{start * writes.SECTOR}", noise, "::uboot-redund.env")
-    noise.unlink()
-
-
-def judge_all(folder, number, cuts, control, results):
+def judge_all(folder, number, cuts, results):
     """One of several at work; a machine ends with the thread that made it."""
     judge = Judge(folder, number)
     try:
         while True:
-            results.put(judge.judge(cuts.get_nowait(), control))
+            results.put(judge.judge(cuts.get_nowait()))
     except queue.Empty:
         pass
     except BaseException as error:
@@ -282,7 +303,7 @@ def run(count, seed, control, short=False, afresh=False):
     """short: the short course; afresh: nothing of what is there already counts."""
     folder = recorded(control, short, afresh)
     requests = writes.read(folder / "log")
-    cuts = writes.choose(requests, count, seed, places(folder / "base"))
+    cuts = choose(folder / "base", requests, count, seed, control)
     lines = folder / f"cuts-{control or 'plain'}-{seed}-{count}.jsonl"
     done = {}
     if lines.exists():
@@ -296,7 +317,7 @@ def run(count, seed, control, short=False, afresh=False):
     left = work.qsize()
     print(f"{len(done)} cuts of {count} are done, {len(writes.boundaries(requests))} flushes in the record", flush=True)
     for number in range(min(JOBS, left)):
-        threading.Thread(target=judge_all, args=(folder, number, work, control, results)).start()
+        threading.Thread(target=judge_all, args=(folder, number, work, results)).start()
     for _ in range(left):
         result = results.get()
         if isinstance(result, BaseException):

@@ -67,10 +67,17 @@ def test_what_a_cut_may_leave(tmp_path):
 
 def test_a_cut_falls_on_every_boundary_that_counts(tmp_path):
     _, _, requests = example(tmp_path)
-    cuts = writes.choose(requests, 5, 1, [(6, 1)])
+    cuts = writes.choose(requests, 5, 1, [(0, 1)])
     assert len(cuts) == 5
-    assert cuts[0].boundary == 6
+    assert cuts[0].boundary == 3
     assert {cut.boundary for cut in cuts} <= {3, 6}
-    assert writes.choose(requests, 5, 1, [(6, 1)]) == cuts
-    assert writes.choose(requests, 5, 2, [(6, 1)]) != cuts
+    assert writes.choose(requests, 5, 1, [(0, 1)]) == cuts
+    assert writes.choose(requests, 5, 2, [(0, 1)]) != cuts
     assert len(writes.choose(requests, 1, 1, [(0, 8)])) == 1
+
+
+def test_a_cut_falls_before_what_counts_is_on_the_disk(tmp_path):
+    """Only then it can be torn."""
+    _, _, requests = example(tmp_path)
+    assert {cut.boundary for cut in writes.choose(requests, 2, 1, [(6, 1)])} == {3, 6}
+    assert [cut.boundary for cut in writes.choose_during(requests, 3, 1, (6, 1))] == [3, 3, 3]

@@ -85,10 +85,10 @@ def pieces(request, chance):
         begin = end
 
 
-def left(requests, boundary, chance):
-    """Of the requests under way: none, all, any, or any with one torn."""
+def left(requests, boundary, chance, kind=None):
+    """Of the requests under way: none, all, any ("some"), or any with one torn; by default one of these."""
     pending = [one for one in after(requests, boundary) if one.sectors and not one.flags & DISCARD]
-    kind = chance.choice(("none", "all", "some", "torn", "torn"))
+    kind = kind or chance.choice(("none", "all", "some", "torn", "torn"))
     if kind == "none" or not pending:
         return "none", []
     if kind == "all":
@@ -120,20 +120,28 @@ def disk(base, log, requests, boundary, extra, out):
 
 # --- which cuts -----------------------------------------------------------------
 
-Cut = namedtuple("Cut", "number boundary seed")
+Cut = namedtuple("Cut", "number boundary seed kind", defaults=(None,))
 
 
 def choose(requests, total, seed, covered):
     """`total` cuts: each boundary after a request that touches one of the partitions `covered` (first
-    sector, sectors), as far as there are not more than total, the rest at random."""
+    sector, sectors), and each before one, as far as there are not more than total, the rest at random."""
     chance = random.Random(seed)
     everywhere = boundaries(requests)
     before, wanted = 0, []
     for boundary in everywhere:
-        if any(touches(request, place) for request in requests[before:boundary] for place in covered):
+        if any(touches(request, place) for place in covered
+               for request in (*requests[before:boundary], *after(requests, boundary))):
             wanted.append(boundary)
         before = boundary
     if len(wanted) > total:
         wanted = sorted(chance.sample(wanted, total))
     points = wanted + [chance.choice(everywhere) for _ in range(total - len(wanted))]
     return [Cut(number, boundary, chance.randrange(1 << 32)) for number, boundary in enumerate(points)]
+
+
+def choose_during(requests, total, seed, partition):
+    """`total` cuts that tear a write, in each of the moments when the partition is written to."""
+    chance = random.Random(seed)
+    points = [one for one in boundaries(requests) if any(touches(each, partition) for each in after(requests, one))]
+    return [Cut(number, points[number % len(points)], chance.randrange(1 << 32), "torn") for number in range(total)]
