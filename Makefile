@@ -57,8 +57,8 @@ help:
 	@echo 'make source     fetches all that building it needs, to build without a network'
 	@echo 'make legal      licences and sources as they have to be passed on with an image'
 	@echo 'make test-image tests what make image has built, and boots the CM4'\''s in QEMU'
+	@echo 'make bundle     a signed update to the built image: build/bundle (docs/keys.md)'
 	@echo 'make reproducible  builds the image twice and compares every file'
-	@echo 'make bundle     a signed update of that disk'\''s system: build/bundle'
 	@echo 'make check      formatting, shell scripts, man pages, Python'
 	@echo 'make format     formats the C sources'
 	@echo 'make setup      only installs and fetches what the others need'
@@ -132,16 +132,18 @@ include board/common/image.mk
 # Who may sign them: a folder made by make-keys.sh, or a fleet's own (docs/keys.md).
 KEYS ?= build/keys
 
-# Of the slot that the bench boots.
+# Of the image that make image has built for BOARD; SLOT=build/appliance/slot.img BOARD=qemu: of the bench's.
+SLOT ?= $(IMAGE_OUT)/images/slot.img
+BUNDLE = build/bundle/odid-$(BOARD)-$(IMAGE_VERSION).swu
+
 .PHONY: bundle keys
 keys:
 	@board/common/make-keys.sh '$(KEYS)'
 
-bundle: appliance
-	@mkdir -p build/bundle
-	@board/common/make-bundle.sh build/appliance/slot.img qemu '$(IMAGE_VERSION)' '$(KEYS)' \
-		build/bundle/odid-qemu-$(IMAGE_VERSION).swu
-	@echo 'build/bundle/odid-qemu-$(IMAGE_VERSION).swu'
+bundle: keys
+	@[ -e '$(SLOT)' ] || { echo 'bundle: there is no $(SLOT); make image BOARD=$(BOARD) makes it' >&2; exit 1; }
+	@board/common/make-bundle.sh '$(SLOT)' '$(BOARD)' '$(IMAGE_VERSION)' '$(KEYS)' '$(BUNDLE)'
+	@echo '$(BUNDLE)'
 
 # --- Showing and measuring --------------------------------------------------
 

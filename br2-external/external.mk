@@ -16,6 +16,9 @@ $(ODID_LINUX_CONFIG): $(LINUX_KCONFIG_FRAGMENT_FILES)
 	cat $^ >$@
 $(LINUX_DIR)/.stamp_dotconfig: $(ODID_LINUX_CONFIG)
 
+# Its default environment is a part of U-Boot; Buildroot notices fragments only.
+$(UBOOT_DIR)/.stamp_dotconfig: $(call qstrip,$(BR2_TARGET_UBOOT_DEFAULT_ENV_FILE))
+
 # BusyBox' allnoconfig knows no such file; a script of ours, shared with the bench, does the same.
 define ODID_BUSYBOX_CONFIG
 	cd $(@D) && PATH="$(BR_PATH)" $(abspath $(ODID_BOARD_DIR))/common/busybox-config.sh
