@@ -10,8 +10,11 @@ from .steps import BuildError, call, sha256, step
 
 SECTOR = 512
 SLOTS = (6, 7)
-# Of the packages in contents.toml.
+# Of the packages in contents.toml. They have libraries of their own: the image's may be built with less.
 PROGRAMS = ("usr/bin/tcpdump", "usr/sbin/wpa_supplicant", "usr/sbin/wpa_cli")
+OWN = Path("usr/lib/bench")
+# But the C library is the image's: a newer one runs what was linked with an older one.
+C_LIBRARY = {"ld-linux-aarch64.so.1", "libc.so.6", "libdl.so.2", "libm.so.6", "libpthread.so.0", "libresolv.so.2", "librt.so.1"}
 
 
 def places(image):
@@ -33,15 +36,19 @@ def slot_of(image, out):
         Path(out).write_bytes(file.read((int.from_bytes(head[40:48], "little") + 4095) // 4096 * 4096))
 
 
-def put_libraries(tree, sysroot, programs):
-    """Those that the image doesn't have, into /lib."""
-    while programs:
-        added = []
-        for program, libraries in root.needed(programs).items():
-            for name in libraries:
-                if not any((tree / folder / name).exists() for folder in ("lib", "usr/lib")):
-                    added.append(root.put_library(tree, sysroot, name, program.relative_to(tree)))
-        programs = added
+def put_program(tree, sysroot, name):
+    """The program and its libraries in a folder of the bench's, and a script in its place."""
+    own = tree / OWN
+    program = own / Path(name).name
+    root.put(sysroot / name, program)
+    wanted = [program]
+    while wanted:
+        found = {library for libraries in root.needed(wanted).values() for library in libraries}
+        wanted = [root.put_library(own, sysroot, library, name) for library in sorted(found - C_LIBRARY)
+                  if not (own / "lib" / library).exists()]
+    script = tree / name
+    script.write_text(f'#!/bin/sh\nLD_LIBRARY_PATH=/{OWN}/lib exec /{OWN}/{program.name} "$@"\n', encoding="utf-8")
+    script.chmod(0o755)
 
 
 @step
@@ -54,8 +61,7 @@ def tested_root(out, image, sysroot, guest_programs, _hash):
     root.put(root.GUEST / "root", out)
     root.put(guest_programs / "hci-attach", out / "usr/sbin/hci-attach")
     for name in PROGRAMS:
-        root.put(sysroot / name, out / name)
-    put_libraries(out, sysroot, [out / name for name in PROGRAMS])
+        put_program(out, sysroot, name)
 
 
 @step
