@@ -80,4 +80,5 @@ def test_a_cut_falls_before_what_counts_is_on_the_disk(tmp_path):
     """Only then it can be torn."""
     _, _, requests = example(tmp_path)
     assert {cut.boundary for cut in writes.choose(requests, 2, 1, [(6, 1)])} == {3, 6}
-    assert [cut.boundary for cut in writes.choose_during(requests, 3, 1, (6, 1))] == [3, 3, 3]
+    assert writes.during(requests, (6, 1)) == [3]
+    assert [cut.boundary for cut in writes.choose_from([3, 6], 3, 1)] == [3, 6, 3]

@@ -140,8 +140,12 @@ def choose(requests, total, seed, covered):
     return [Cut(number, boundary, chance.randrange(1 << 32)) for number, boundary in enumerate(points)]
 
 
-def choose_during(requests, total, seed, partition):
-    """`total` cuts that tear a write, in each of the moments when the partition is written to."""
+def during(requests, partition):
+    """The boundaries after which the partition is written to."""
+    return [one for one in boundaries(requests) if any(touches(each, partition) for each in after(requests, one))]
+
+
+def choose_from(points, total, seed, kind=None):
+    """`total` cuts, as many as possible at each of these boundaries."""
     chance = random.Random(seed)
-    points = [one for one in boundaries(requests) if any(touches(each, partition) for each in after(requests, one))]
-    return [Cut(number, points[number % len(points)], chance.randrange(1 << 32), "torn") for number in range(total)]
+    return [Cut(number, points[number % len(points)], chance.randrange(1 << 32), kind) for number in range(total)]
