@@ -7,7 +7,7 @@ import pytest
 
 from . import LONG, autopilot, bundles
 from .appliance import wait_for
-from .bundles import NEWER, NO_BLUETOOTH
+from .bundles import NEWER, NO_BLUETOOTH, OLDER
 from .test_trial import installed
 
 pytestmark = LONG
@@ -83,6 +83,9 @@ def test_no_restart_into_the_new_slot(ready, logs):
     arm(ready, logs)
     assert ready.state() == "waiting-for-reboot"
     assert told(ready, "update in progress")
+    got = ready.install(bundles.bundle("older", OLDER))     # another one meanwhile
+    assert got.code == 1, got.output
+    assert "waits for the reboot" in got.output
     no_restart(ready, 30)
     ready.machine.unplug()
     no_restart(ready, 20)

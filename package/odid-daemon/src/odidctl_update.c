@@ -98,23 +98,44 @@ static void show_progress(struct json_object *state)
     }
 }
 
+/* How it was before the bundle was handed over. */
+struct before {
+    ino_t result;
+    bool waits; /* for the restart, because of another bundle */
+};
+
+static bool is(struct json_object *state, const char *name)
+{
+    return strcmp(text_of(state, "state"), name) == 0;
+}
+
+static struct before look_before(const struct odidctl_places *places)
+{
+    struct json_object *state = read_json(places->state, UPDATE_STATE_FILE);
+    struct before before = {.result = result_number(places),
+                            .waits = is(state, "waiting-for-reboot")};
+
+    json_object_put(state);
+    return before;
+}
+
 /* Returns an exit code when it is over, -1 while it isn't. */
-static int look(const struct odidctl_places *places, ino_t before)
+static int look(const struct odidctl_places *places, const struct before *before)
 {
     struct json_object *state = read_json(places->state, UPDATE_STATE_FILE), *result;
-    const char *name = text_of(state, "state");
+    bool ended = !is(state, "checking") && !is(state, "installing");
     int code = -1;
 
     show_progress(state);
-    if (strcmp(name, "waiting-for-reboot") == 0) {
-        printf("%s\n\"odidctl update\" then says whether it was kept.\n",
-               text_of(state, "sentence"));
-        code = ODIDCTL_GOOD;
-    } else if (strcmp(name, "idle") == 0 && result_number(places) != before) {
+    if (ended && result_number(places) != before->result) {
         result = read_json(places->data, UPDATE_RESULT_FILE);
         printf("%s\n", text_of(result, "sentence"));
         json_object_put(result);
         code = ODIDCTL_NOT_GOOD;
+    } else if (is(state, "waiting-for-reboot") && !before->waits) {
+        printf("%s\n\"odidctl update\" then says whether it was kept.\n",
+               text_of(state, "sentence"));
+        code = ODIDCTL_GOOD;
     }
     json_object_put(state);
     return code;
@@ -205,7 +226,7 @@ static bool hand_over(struct source *source, int installer, const struct odidctl
 static int install(const struct odidctl_places *places, const char *name)
 {
     const struct timespec moment = {.tv_nsec = 200000000};
-    ino_t before = result_number(places);
+    struct before before = look_before(places);
     struct source source;
     int installer, code = -1;
     bool whole;
@@ -229,7 +250,7 @@ static int install(const struct odidctl_places *places, const char *name)
     }
     for (int i = 0; code < 0 && i < PATIENCE_S * 5; i++) {
         nanosleep(&moment, NULL);
-        code = look(places, before);
+        code = look(places, &before);
     }
     if (code < 0) {
         fputs("odidctl: nothing looks after updates: what became of it isn't known\n", stderr);
