@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import re
 import shutil
 import subprocess
 from collections import namedtuple
@@ -103,11 +104,28 @@ def call_cpio(words, folder, **streams):
     subprocess.run(["cpio", *words], check=True, cwd=folder, **streams)
 
 
-def put_together(folder, names, target):
+def sha256_in(source):
+    """What the description says of the slot."""
+    return re.search(r'sha256 = "([0-9a-f]{64})"', description_of(source))[1]
+
+
+def slot_of(source):
+    return (parts_of(source) / "slot.img").read_bytes()
+
+
+def put_together(folder, names, target, form="crc"):
     with open(target, "wb") as out:
-        subprocess.run(["cpio", "--quiet", "-o", "-H", "crc"], input="".join(f"{name}\n" for name in names),
+        subprocess.run(["cpio", "--quiet", "-o", "-H", form], input="".join(f"{name}\n" for name in names),
                        text=True, check=True, cwd=folder, stdout=out)
     return target
+
+
+def description_of(source):
+    return (parts_of(source) / "sw-description").read_text(encoding="utf-8")
+
+
+def signature_of(source):
+    return (parts_of(source) / "sw-description.sig").read_bytes()
 
 
 def described(source, name, edit, keys=KEYS):
@@ -151,6 +169,19 @@ def cut_short(source, name):
     with open(source, "rb") as whole, open(target, "wb") as part:
         part.write(whole.read(source.stat().st_size * 2 // 3))
     return target
+
+
+def without_sums(source, name):
+    """An archive that has no sums of its own."""
+    return put_together(parts_of(source), ["sw-description", "sw-description.sig", "slot.img"], BUILD / f"{name}.swu",
+                        form="newc")
+
+
+def filled(source, part):
+    """What the slot is and what follows it when zeros take the place of what is missing of it."""
+    whole, slot = source.read_bytes(), slot_of(source)
+    kept, end = part.stat().st_size - whole.index(slot[:4096]), whole.rindex(b"070701")
+    return slot[:kept] + bytes(len(slot) - kept), bytes(end - part.stat().st_size) + whole[end:]
 
 
 def noise(name):

@@ -1,13 +1,14 @@
 """What is refused before anything is written, with the reason; and, check by check, that it would be
 installed if the check weren't there: a test that can't fail shows nothing."""
 
+import hashlib
 import re
 import time
 from collections import namedtuple
 
 import pytest
 
-from . import LONG, autopilot, bundles
+from . import LONG, autopilot, bundles, preload
 from .appliance import wait_for
 from .bundles import NEWER, OLDER
 
@@ -54,6 +55,19 @@ def trust_the_other(machine):
                  "sv term swupdate; sleep 2")
 
 
+def swupdate_with(source):
+    """SWUpdate with some of its libraries' functions replaced."""
+    def take_out(machine):
+        preload.put(machine, source, "/tmp/changed.so")
+        other_run_script("s,^exec ,export LD_PRELOAD=/tmp/changed.so; exec ,")(machine)
+    return take_out
+
+
+def any_signature(machine):
+    machine.put("/tmp/signature", bundles.signature_of(good()))
+    swupdate_with(preload.ANY_SIGNATURE)(machine)
+
+
 def prevent_downgrade(machine):
     machine.must("odidctl set update.prevent_downgrade yes", 30)
 
@@ -66,14 +80,15 @@ def allow_downgrade(machine):
 REFUSALS = (
     Refusal("other_hardware", lambda: bundles.bundle("cm4", NEWER, board="cm4"), "other hardware.*odid-qemu",
             without=other_run_script(r's/odid:odid-\$BOARD/odid:odid-cm4/'), back=run_script_back),
-    # No counter-test yet: these checks are SWUpdate's own, built in.
+    # No counter-test: that a signature has its place in the archive is the archive's form. The next one's is empty.
     Refusal("unsigned", lambda: bundles.unsigned(good(), "unsigned"), "signed"),
-    Refusal("empty_signature", lambda: bundles.signed_with(good(), "empty", b""), "signed"),
+    Refusal("empty_signature", lambda: bundles.signed_with(good(), "empty", b""), "signed",
+            without=any_signature, back=run_script_back),
     Refusal("signed_by_another", lambda: bundles.bundle("another", NEWER, keys=bundles.other_keys()), "signed",
             without=trust_the_other, back=run_script_back),
     Refusal("altered_description",
             lambda: bundles.described(good(), "altered", lambda text: text.replace(NEWER, "9.9.1"), keys=None),
-            "signed|altered"),
+            "signed|altered", without=any_signature, back=run_script_back),
     Refusal("older", lambda: bundles.bundle("older", OLDER), f"{OLDER} is older",
             arrange=prevent_downgrade, undo=allow_downgrade,
             without=gate_without(r"/prevent_downgrade) in/,/^esac/"), back=gate_back),
@@ -163,6 +178,35 @@ def test_a_wrong_payload_is_never_marked(grounded, spoil):
     assert grounded.protected()
 
 
+def any_hash(machine, bundle, slot, and_source=""):
+    """That slot has the hash that the bundle wants."""
+    machine.put("/tmp/hashes", hashlib.sha256(slot).digest() + bytes.fromhex(bundles.sha256_in(bundle)))
+    swupdate_with(preload.OTHER_HASH + and_source.removeprefix(preload.REAL))(machine)
+
+
+@LONG
+def test_without_its_hash_a_damaged_one_would_be_marked(grounded):
+    bundle, machine = bundles.damaged(good(), "spoilt"), grounded.machine
+    any_hash(machine, bundle, bundles.slot_of(bundle))
+    try:
+        assert accepted(grounded, bundle)
+    finally:
+        run_script_back(machine)
+
+
+@LONG
+def test_without_its_end_and_its_hash_one_cut_short_would_be_marked(grounded):
+    whole, machine = bundles.without_sums(good(), "whole"), grounded.machine
+    bundle = bundles.cut_short(whole, "spoilt")
+    slot, rest = bundles.filled(whole, bundle)
+    machine.put("/tmp/rest", rest)
+    any_hash(machine, whole, slot, preload.REST_FROM_FILE)
+    try:
+        assert accepted(grounded, bundle)
+    finally:
+        run_script_back(machine)
+
+
 @LONG
 def test_the_bundle_itself_is_good(grounded):
     """Else the tests above would pass for the wrong reason."""
@@ -181,6 +225,36 @@ def test_a_second_one_at_the_same_time(grounded):
     assert "another update is being installed" in second.output
     assert grounded.ended()[0] == 1     # the first one went on to its own end
     assert "damaged" in grounded.result()["sentence"]
+
+
+@LONG
+def test_with_a_second_swupdate_it_would_be_written_meanwhile(grounded):
+    """There is one installer: that is what lets one bundle in at a time."""
+    machine, bundle = grounded.machine, good()
+    grounded.begin(bundles.damaged(bundle, "first"), rate=bundle.stat().st_size // 40)
+    grounded.wait_state("installing")
+    machine.must("mkdir -p /run/second; export TMPDIR=/run/second; swupdate -f /run/swupdate.cfg -H odid:odid-qemu -M -m "
+                 "-e stable,slot-b -q stable,slot-b >/dev/null 2>&1 & echo $! >/tmp/second; "
+                 "until [ -S /run/second/sockinstctrl ]; do usleep 100000; done")
+    try:
+        machine.shell.send(f"TMPDIR=/run/second odidctl update {grounded.server.url(bundle)} >/dev/null 2>&1 &")
+        wait_for("the mark in U-Boot's variables", lambda: grounded.variables().get("trial") == "b", 30)
+        assert machine.run("[ -s /tmp/code ]").code     # the first one is being written still
+    finally:
+        machine.must("kill $(cat /tmp/second); fw_setenv upgrade_available 0; fw_setenv trial")
+        grounded.ended()
+
+
+# As long as nobody listened to it, SWUpdate keeps what it said.
+def test_refused_as_soon_as_swupdate_is_there(grounded):
+    machine = grounded.machine
+    machine.must(f"curl -sfo /tmp/noise.swu {grounded.server.url(bundles.noise('noise'))}")
+    for _ in range(3):
+        got = machine.run("rm -f /data/odid/update.json; sv down swupdate; rm -f /run/swupdate/sock*; sv up swupdate; "
+                          "until [ -S /run/swupdate/sockinstctrl ]; do usleep 10000; done; "
+                          "odidctl update /tmp/noise.swu", 60)
+        assert got.code == 1, got.output
+        assert "no bundle" in got.output or "no whole bundle" in got.output
 
 
 # variable, its value: what U-Boot's environment has then; check: the gate's lines for it.
