@@ -76,7 +76,7 @@ def test_factory_reset(make_appliance):
     assert machine.run("cat /data/secrets/other /data/odid/vehicle /data/odid/factory-reset").code != 0
     assert machine.must("ls /data/odid/flights/*")
     machine.cut_power()
-    machine.power_on()
+    one.power_on()
     machine.must("odidctl set self_id.description Again", 30)
     machine.must("sync")
     machine.cut_power()
