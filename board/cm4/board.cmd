@@ -51,7 +51,7 @@ setenv bluetooth_address ${octets}
 # What the firmware has switched off is not there. (A loop's own variable gives way to one of the
 # environment, so it has a name of its own.)
 setenv absent
-for device in /scb/pcie@7d500000 /scb/ethernet@7d580000 /soc/rng@7e104000 /soc/avs-monitor@7d5d2000/thermal; do
+for device in /scb/pcie@7d500000 /scb/ethernet@7d580000 /soc/rng@7e104000 /soc/avs-monitor@7d5d2000/thermal /soc/watchdog@7e100000; do
     setenv status
     fdt get value status ${device} status
     if test "${status}" = disabled; then setenv absent ${absent} ${device}; fi

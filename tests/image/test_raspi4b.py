@@ -22,10 +22,12 @@ BOOT, ENV = 1, 5
 CARD_OCTETS = 512 << 20         # the emulated controller wants a power of two
 TIMEOUT_S = 400                 # its card reads 1 MB/s
 SERIAL = "10000000a1b2c3d4"
-# What the firmware would have done to the tree, and one thing for the machine: its card is in the other slot.
+# What the firmware would have done to the tree, and two things for the machine: its card is in the other
+# slot, and a watchdog that is started resets it at once.
 FIRMWARE = [
     ("-t", "s", "/aliases", "mmc0", "/soc/mmc@7e300000"), ("-t", "s", "/aliases", "mmc1", "/emmc2bus/mmc@7e340000"),
     ("-t", "s", "/chosen", "stdout-path", "serial1:115200n8"), ("-t", "s", "/soc/serial@7e215040", "status", "okay"),
+    ("-t", "s", "/soc/watchdog@7e100000", "status", "disabled"),
     ("-t", "s", "/", "serial-number", SERIAL),
     ("-t", "bx", "/soc/serial@7e201000/bluetooth", "local-bd-address", "1", "2", "3", "32", "a6", "dc"),
 ]
