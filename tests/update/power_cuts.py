@@ -7,7 +7,8 @@ would leave them (writes.py); each is booted, and has to be heard on every chann
 the settings of before the cut or of after it; never with older ones than had been promised to whoever
 asked.
 
-What is done already isn't done again: build/update/power-cuts holds the record, and a line for each cut.
+What survived already isn't done again: build/update/power-cuts holds the record, and a line for each cut. What
+failed is: its disk is the same again, and a machine too busy for the waits here is no failure of it.
 A control run takes one protection out, and must fail:
 
   one-copy   U-Boot's environment has one copy: both files lie at the same place. Cuts only while it is written
@@ -318,7 +319,8 @@ def run(count, seed, control, short=False, afresh=False):
     if lines.exists():
         for line in lines.read_text(encoding="utf-8").splitlines():
             result = json.loads(line)
-            done[result["number"]] = result
+            if not result["wrong"]:
+                done[result["number"]] = result
     work, results = queue.Queue(), queue.Queue()
     for cut in cuts:
         if cut.number not in done:
