@@ -28,7 +28,7 @@ import time
 
 from bench import disk as disks
 from bench.machine import CHANNELS, Machine, configuration, missing
-from host import parts
+from host import parts, program
 
 from . import bundles, figures, preload, writes
 from .appliance import Appliance, wait_for
@@ -327,18 +327,26 @@ def run(count, seed, control, short=False, afresh=False):
             work.put(cut)
     left = work.qsize()
     print(f"{len(done)} cuts of {count} are done, {len(writes.boundaries(requests))} flushes in the record", flush=True)
-    for number in range(min(JOBS, left)):
-        threading.Thread(target=judge_all, args=(folder, number, work, results)).start()
-    for _ in range(left):
-        result = results.get()
-        if isinstance(result, BaseException):
-            raise result
-        done[result["number"]] = result
-        with open(lines, "a", encoding="utf-8") as file:
-            file.write(json.dumps(result) + "\n")
-        mark = "survived" if not result["wrong"] else f"FAILED: {result['wrong']}"
-        print(f"cut {len(done)} of {count} (after request {result['boundary']} of {len(requests)}, "
-              f"then {result['kind']}): {mark}", flush=True)
+    judges = [threading.Thread(target=judge_all, args=(folder, number, work, results))
+              for number in range(min(JOBS, left))]
+    for one in judges:
+        one.start()
+    try:
+        for _ in range(left):
+            result = results.get()
+            if isinstance(result, BaseException):
+                raise result
+            done[result["number"]] = result
+            with open(lines, "a", encoding="utf-8") as file:
+                file.write(json.dumps(result) + "\n")
+            mark = "survived" if not result["wrong"] else f"FAILED: {result['wrong']}"
+            print(f"cut {len(done)} of {count} (after request {result['boundary']} of {len(requests)}, "
+                  f"then {result['kind']}): {mark}", flush=True)
+    finally:
+        with work.mutex:
+            work.queue.clear()  # told to end: each machine ends after the cut that it is at
+        for one in judges:
+            one.join()
     return [done[cut.number] for cut in cuts]
 
 
@@ -371,4 +379,4 @@ def main():
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    program.run("power-cuts", main)
