@@ -4,12 +4,6 @@ import subprocess
 
 from host import parts
 
-NO_FLUSH = """
-int fsync(int fd) { (void)fd; return 0; }
-int fdatasync(int fd) { (void)fd; return 0; }
-void sync(void) {}
-"""
-
 REAL = """
 void *dlsym(void *handle, const char *name);
 int open(const char *path, int flags, ...);
@@ -17,8 +11,14 @@ int close(int fd);
 #define REAL(name) ((__typeof__(&name))dlsym((void *)-1, #name))    /* RTLD_NEXT */
 """
 
+NO_FLUSH = """
+int fsync(int fd) { (void)fd; return 0; }
+int fdatasync(int fd) { (void)fd; return 0; }
+void sync(void) {}
+"""
+
 # Whatever was signed; and what can't be read as a signature is /tmp/signature.
-ANY_SIGNATURE = REAL + """
+ANY_SIGNATURE = """
 void *BIO_new_file(const char *path, const char *mode);
 
 int CMS_verify(void *cms, void *certificates, void *store, void *content, void *out, unsigned flags)
@@ -35,7 +35,7 @@ void *d2i_CMS_bio(void *bio, void *out)
 """
 
 # Of the two hashes in /tmp/hashes, the second one wherever the first one comes out.
-OTHER_HASH = REAL + """
+OTHER_HASH = """
 long read(int fd, void *data, unsigned long size);
 int memcmp(const void *one, const void *other, unsigned long size);
 void *memcpy(void *out, const void *in, unsigned long size);
@@ -54,7 +54,7 @@ int EVP_DigestFinal_ex(void *context, unsigned char *out, unsigned *size)
 """
 
 # Where a long stream ends, /tmp/rest follows.
-REST_FROM_FILE = REAL + """
+REST_FROM_FILE = """
 #define LONG (1 << 20)
 
 long read(int fd, void *data, unsigned long size)
@@ -79,5 +79,5 @@ def put(machine, source, path):
     built = parts.ROOT / "build/update/changed.so"
     built.parent.mkdir(parents=True, exist_ok=True)
     subprocess.run(["aarch64-linux-gnu-gcc", "-shared", "-fPIC", "-nostdlib", "-fno-builtin", "-o", built, "-x", "c", "-"],
-                   input=source.encode(), check=True)
+                   input=(REAL + source).encode(), check=True)
     machine.put(path, built.read_bytes())
