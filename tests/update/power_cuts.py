@@ -7,8 +7,7 @@ would leave them (writes.py); each is booted, and has to be heard on every chann
 the settings of before the cut or of after it; never with older ones than had been promised to whoever
 asked.
 
-What survived already isn't done again: build/update/power-cuts holds the record, and a line for each cut. What
-failed is: its disk is the same again, and a machine too busy for the waits here is no failure of it.
+What is done already isn't done again: build/update/power-cuts holds the record, and a line for each cut.
 A control run takes one protection out, and must fail:
 
   one-copy   U-Boot's environment has one copy: both files lie at the same place. Cuts only while it is written
@@ -29,6 +28,7 @@ import time
 from bench import disk as disks
 from bench.machine import CHANNELS, Machine, configuration, missing
 from host import parts, program
+from receiver.receptions import read_json_lines
 
 from . import bundles, figures, preload, writes
 from .appliance import Appliance, wait_for
@@ -317,10 +317,7 @@ def run(count, seed, control, short=False, afresh=False):
     lines = folder / f"cuts-{control or 'plain'}-{seed}-{count}.jsonl"
     done = {}
     if lines.exists():
-        for line in lines.read_text(encoding="utf-8").splitlines():
-            result = json.loads(line)
-            if not result["wrong"]:
-                done[result["number"]] = result
+        done = {result["number"]: result for _, result in read_json_lines(lines)}
     work, results = queue.Queue(), queue.Queue()
     for cut in cuts:
         if cut.number not in done:
