@@ -26,6 +26,7 @@ from pathlib import Path
 from host import parts
 from host.air import Air
 from host.controller import Rootcanal, free_ports
+from receiver.receptions import read_json_lines
 
 from . import disk as disks
 from . import standstill
@@ -409,8 +410,7 @@ class Machine:
     def answers(self):
         """What came back to the autopilot."""
         path = self.folder / "answers.jsonl"
-        text = path.read_text() if path.exists() else ""
-        return [json.loads(line) for line in text.splitlines(keepends=True) if line.endswith("\n")]
+        return [answer for _, answer in read_json_lines(path)] if path.exists() else []
 
     def stood_still_s(self, from_mono, until_mono):
         """How long, at most at once, the machine that this one is emulated on stood still (standstill.py)."""

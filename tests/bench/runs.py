@@ -16,7 +16,7 @@ from .machine import CHANNELS, Machine
 
 FOLDER = parts.ROOT / "build/faults"
 SETTLE_S = 3.0
-AGAIN = 2
+AGAIN = 2  # times at most, for a fault that failed while the measuring machine stood still
 FLIGHT_S = 1500  # longer than all faults together
 
 

@@ -12,6 +12,8 @@ import os
 import threading
 import time
 
+from receiver.receptions import read_json_lines
+
 EVERY_S = 0.01
 LATE_S = 0.05
 PRIORITY = 30  # the models' is 10, the daemon's (in tests without an emulated machine) is 20
@@ -33,19 +35,19 @@ def longest_s(path, from_mono, until_mono):
     """The longest standstill that reaches into the window; 0 without one, or without a log."""
     if not path.exists():
         return 0.0
-    lines = [json.loads(line) for line in path.read_text().splitlines(keepends=True) if line.endswith("\n")]
-    return max((one["seconds"] for one in lines
+    return max((one["seconds"] for _, one in read_json_lines(path)
                 if one["mono"] >= from_mono and one["mono"] - one["seconds"] <= until_mono), default=0.0)
 
 
 def main():
-    options = argparse.ArgumentParser()
-    options.add_argument("--out", required=True)
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--out", required=True)
+    options = parser.parse_args()
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
     except PermissionError:
         return  # without it we could be late because of others: not known is not "stood still"
-    with open(options.parse_args().out, "a", buffering=1) as out:
+    with open(options.out, "a", buffering=1) as out:
         threads = [threading.Thread(target=watch, args=(one, out)) for one in os.sched_getaffinity(0)]
         for one in threads:
             one.start()
