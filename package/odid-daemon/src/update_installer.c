@@ -202,19 +202,10 @@ static pid_t peer_of(int socket)
     return peer.pid;
 }
 
-/* What a SWUpdate that nobody listened to yet repeats is news: it can have refused a bundle before
- * we were there. */
-static bool was_heard(int socket)
-{
-    pid_t heard = self.heard;
-
-    self.heard = peer_of(socket);
-    return heard == -1 || heard == self.heard;
-}
-
 static void connect_now(void *context, int64_t now_us)
 {
     int notices = -1, progress = -1;
+    pid_t peer;
 
     (void)context;
     if (access(get_ctrl_socket(), F_OK) == 0 && access(get_prog_socket(), F_OK) == 0) {
@@ -228,7 +219,11 @@ static void connect_now(void *context, int64_t now_us)
         loop_arm(&self.again, now_us + AGAIN_US);
         return;
     }
-    self.in_history = was_heard(notices);
+    /* What a SWUpdate that nobody listened to yet repeats is news: it can have refused a bundle
+     * before we were there. */
+    peer = peer_of(notices);
+    self.in_history = self.heard == -1 || self.heard == peer;
+    self.heard = peer;
     if (self.in_history) {
         loop_arm(&self.history, now_us + HISTORY_US);
     }
