@@ -35,6 +35,7 @@ QEMU = "qemu-system-aarch64"
 SHELL_TIMEOUT_S = 60
 KILLED = 128 + 9  # exit code of a command that timeout(1) had to kill
 NICENESS = -10
+KERNEL_S = 1.6  # from the kernel's start to init's, at most, on two processors that nobody else wants
 CHANNELS = ("bt4", "bt5", "wifi")
 Result = namedtuple("Result", "code output")
 
@@ -367,12 +368,16 @@ class Machine:
                               lambda: re.search(pattern, self.console_text()), timeout_s)
 
     def started(self):
-        """time.monotonic() at which the appliance's init was started: what the kernel says of it, or the
-        bench's initial file system (guest/init) on its behalf."""
+        """time.monotonic() at which the appliance's init was started."""
+        return self.mono(self.kernel_s())
+
+    def kernel_s(self):
+        """The kernel's seconds, from its own start to init's: what the kernel says of it, or the bench's
+        initial file system (guest/init) on its behalf."""
         match = re.search(r"^\[ *([\d.]+)\] Run /sbin/init as init process", self.must("dmesg"), re.M)
         if not match:
             raise RuntimeError("the kernel's log does not say when init was started")
-        return self.mono(float(match[1]))
+        return float(match[1])
 
     def port_mono(self):
         """time.monotonic() at which the autopilot's port was there, for the last time."""
@@ -415,6 +420,19 @@ class Machine:
     def stood_still_s(self, from_mono, until_mono):
         """How long, at most at once, the machine that this one is emulated on stood still (standstill.py)."""
         return standstill.longest_s(self.folder / "standstill.jsonl", from_mono, until_mono)
+
+    def disturbed(self, from_mono, until_mono):
+        """Why what was measured in between says little of the appliance; empty: nothing is known against it."""
+        seconds = self.stood_still_s(from_mono, until_mono)
+        return f"this machine stood still for {seconds:.2f} s" if seconds > 0 else ""
+
+    def boot_disturbed(self):
+        """The same of the last power-on. The kernel's start is the same work each time, right before ours:
+        where it took long, what came next did too."""
+        seconds = self.kernel_s()
+        if seconds > KERNEL_S:
+            return f"this machine was slow: the kernel's own start took {seconds:.2f} s, {KERNEL_S} s at most otherwise"
+        return self.disturbed(self.powered_mono, time.monotonic())
 
     # --- the judge ----------------------------------------------------------
 

@@ -16,7 +16,7 @@ from .machine import CHANNELS, Machine
 
 FOLDER = parts.ROOT / "build/faults"
 SETTLE_S = 3.0
-AGAIN = 2  # times at most, for a fault that failed while the measuring machine stood still
+AGAIN = 2  # times at most, for a fault that failed while the measuring machine was disturbed
 FLIGHT_S = 1500  # longer than all faults together
 
 
@@ -29,7 +29,7 @@ class Outcome:
     channel: str | None = None
     to_first_s: dict = field(default_factory=dict)
     problems: list = field(default_factory=list)
-    stood_still_s: float = 0.0  # the measuring machine, while this was measured
+    disturbed: str = ""  # why the measuring machine, not the appliance, may be what this tells of
 
     @property
     def passed(self):
@@ -93,10 +93,10 @@ class Run:
             raise RuntimeError(f"the judge ended with {status}: {self.judge.log()[-2000:]}")
         return Contents(self.folder / "judge/receptions.jsonl")
 
-    def stood_still_s(self, fault):
-        """The measuring machine, during this fault."""
+    def disturbed(self, fault):
+        """Whether the measuring machine was, during this fault."""
         injected, until = self.windows[fault.name]
-        return self.machine.stood_still_s(injected.at, until)
+        return self.machine.disturbed(injected.at, until)
 
     def close(self):
         """May be called again."""
@@ -150,7 +150,7 @@ def in_flight(wanted=faults.IN_FLIGHT, say=print):
         for fault in done:
             if fault.name in run.windows:
                 outcomes[fault.name] = judge_window(fault, contents, run.windows[fault.name])
-                outcomes[fault.name].stood_still_s = run.stood_still_s(fault)
+                outcomes[fault.name].disturbed = run.disturbed(fault)
             else:
                 outcomes[fault.name] = Outcome(fault.name, fault.what, fault.limit_s)
             if fault.name in failed:
@@ -190,6 +190,7 @@ def boot(fault, say=print):
             injected = faults.Injected(started, due)
         time.sleep(fault.limit_s + 4)
         until = time.monotonic()
+        outcome.disturbed = run.machine.boot_disturbed()
         contents = run.stop()
     except (TimeoutError, RuntimeError, ConnectionError) as error:
         outcome.problems.append(str(error))
@@ -197,7 +198,6 @@ def boot(fault, say=print):
     finally:
         if run:
             run.close()
-    outcome.stood_still_s = run.machine.stood_still_s(run.machine.powered_mono, until)
     outcome.problems += injected.problems
     outcome.gap_s, outcome.channel = contents.worst_gap(CHANNELS, injected.back, until, clip=True)
     for channel, limit_s in fault.to_first_s.items():
@@ -217,14 +217,14 @@ def once(wanted, say):
 
 
 def outcomes_of(wanted, say=print):
-    """All that is wanted. What failed while the measuring machine stood still says nothing of the
+    """All that is wanted. What failed while the measuring machine was disturbed says nothing of the
     appliance and is done again: the figure that counts is always one that was measured."""
     found = once(wanted, say)
     for _ in range(AGAIN):
-        disturbed = [one for one in wanted if not found[one.name].passed and found[one.name].stood_still_s > 0]
+        disturbed = [one for one in wanted if not found[one.name].passed and found[one.name].disturbed]
         for one in disturbed:
-            say(f"fault: {one.name}: again: this machine stood still for {found[one.name].stood_still_s:.2f} s "
-                f"while {found[one.name].gap_s} s was measured", flush=True)
+            say(f"fault: {one.name}: again: {found[one.name].disturbed}, and what was measured is a gap of "
+                f"{found[one.name].gap_s} s; {'; '.join(found[one.name].problems) or 'nothing else'}", flush=True)
         found.update(once(disturbed, say))
     return found
 

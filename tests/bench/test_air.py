@@ -30,8 +30,8 @@ def measured(machine):
 def test_intervals(flying):
     begun = time.monotonic()
     code, figures, report = measured(flying)
-    if code != 0 and (stood_still_s := flying.stood_still_s(begun, time.monotonic())) > 0:
-        print(f"again: this machine stood still for {stood_still_s} s; measured was\n{report}")
+    if code != 0 and (disturbed := flying.disturbed(begun, time.monotonic())):
+        print(f"again: {disturbed}; measured was\n{report}")
         code, figures, report = measured(flying)
     assert code == 0, report[-4000:]
     assert figures["verdict"] == "PASS"

@@ -5,15 +5,15 @@ import time
 
 from host import parts
 
-from . import boot_chart, flights, gaps, limits
+from . import boot_chart, flights, gaps, limits, runs
 from .machine import CHANNELS
 
 
-def test_the_boot(make_machine):
-    """From init to the first valid message, of an appliance that has booted before, as each flight does."""
-    machine = make_machine("boot")
-    machine.power_on()
-    machine.wait_on_air()
+FILE = parts.ROOT / "build/system/boot.json"
+
+
+def power_on_again(machine):
+    """Cuts the power and switches on again, in flight. Seconds to the first message; the chart is in FILE's folder."""
     machine.must("sync")
     machine.cut_power()
     judge = machine.judge(None)
@@ -24,11 +24,22 @@ def test_the_boot(make_machine):
     time.sleep(1)
     judge.stop(timeout_s=60)
     contents = gaps.Contents(machine.folder / "judge/receptions.jsonl")
-    figures = {f"boot_to_{channel}_s": round(contents.first[channel] - started, 2) for channel in CHANNELS}
-    path = parts.ROOT / "build/system/boot.json"
-    path.write_text(json.dumps(figures, indent=1) + "\n")
     chart = boot_chart.text(boot_chart.rows(machine, contents))
-    path.with_suffix(".txt").write_text(chart)
+    FILE.with_suffix(".txt").write_text(chart)
     print(chart)
+    return {channel: round(contents.first[channel] - started, 2) for channel in CHANNELS}
+
+
+def test_the_boot(make_machine):
+    """From init to the first valid message, of an appliance that has booted before, as each flight does."""
+    machine = make_machine("boot")
+    machine.power_on()
+    machine.wait_on_air()
+    for _ in range(1 + runs.AGAIN):
+        first_s, disturbed = power_on_again(machine), machine.boot_disturbed()
+        if all(first_s[channel] <= limit_s for channel, limit_s in limits.BOOT_S.items()) or not disturbed:
+            break
+        print(f"again: {disturbed}")
+    FILE.write_text(json.dumps({f"boot_to_{channel}_s": seconds for channel, seconds in first_s.items()}, indent=1) + "\n")
     for channel, limit_s in limits.BOOT_S.items():
-        assert figures[f"boot_to_{channel}_s"] <= limit_s
+        assert first_s[channel] <= limit_s

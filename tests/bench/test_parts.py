@@ -119,16 +119,16 @@ def test_a_machine_that_stands_still_is_noticed(tmp_path):
     assert standstill.longest_s(tmp_path / "none", 0, time.monotonic()) == 0
 
 
-@pytest.mark.parametrize("gaps_s, stood_still_s, wanted_s", [
-    ([0.7, 0.4], 0.3, 0.4),       # late because of the machine: measured again
-    ([0.7, 0.4], 0.0, 0.7),       # late, and the machine was there all the time
-    ([0.4, 0.7], 0.3, 0.4),       # in time: once is enough
-    ([0.7, 0.8, 0.9, 0.1], 0.3, 0.9),  # not for ever
+@pytest.mark.parametrize("gaps_s, disturbed, wanted_s", [
+    ([0.7, 0.4], "it stood still", 0.4),       # late because of the machine: measured again
+    ([0.7, 0.4], "", 0.7),                     # late, and the machine was there all the time
+    ([0.4, 0.7], "it stood still", 0.4),       # in time: once is enough
+    ([0.7, 0.8, 0.9, 0.1], "it stood still", 0.9),  # not for ever
 ])
-def test_only_what_failed_in_a_standstill_is_done_again(monkeypatch, gaps_s, stood_still_s, wanted_s):
+def test_only_what_failed_on_a_disturbed_machine_is_done_again(monkeypatch, gaps_s, disturbed, wanted_s):
     load, left = next(one for one in faults.IN_FLIGHT if one.name == "load"), list(gaps_s)
     monkeypatch.setattr(runs, "once", lambda wanted, say: {
-        one.name: runs.Outcome(one.name, one.what, one.limit_s, left.pop(0), "wifi", stood_still_s=stood_still_s)
+        one.name: runs.Outcome(one.name, one.what, one.limit_s, left.pop(0), "wifi", disturbed=disturbed)
         for one in wanted})
     assert runs.outcomes_of([load])["load"].gap_s == wanted_s
 
