@@ -8,6 +8,8 @@
 #   disk, console, *_addr_r   the board's, from its u-boot.env
 #   board_*            odid.conf's [board] keys, for the slot's /boot/board.scr
 #   find_power_on      the board's: sets power_on to 1 when power was switched on just now
+#   fit_tree           the machine's, where it has one: what else the kernel's device tree (now U-Boot's
+#                      working one) has to say
 #
 # A slot holds kernel, device tree (/boot/board.dtb; none: the machine's own) and a script that fits
 # the device tree to the board (/boot/board.scr), so that these always go together.
@@ -93,7 +95,7 @@ fi;
 part uuid ${disk}:${part} partuuid;
 setenv bootargs root=PARTUUID=${partuuid} ro rootfstype=squashfs rootwait panic=5 console=${console} ${board_bootargs} odid.slot=${try};
 if test -n "${fallback}"; then setenv bootargs ${bootargs} odid.fallback=${fallback}; fi;
-if test -n "${mark}"; then fdt addr ${fdt} && fdt rsvmem add ${mark} 1000; fi;
+if test -n "${fit_tree}"; then fdt addr ${fdt} && run fit_tree; fi;
 load ${disk}:${part} ${kernel_addr_r} /boot/Image && booti ${kernel_addr_r} ${initrd} ${fdt}'
 
 # Comes back only when the slot can't be started.

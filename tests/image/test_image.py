@@ -210,5 +210,41 @@ def test_the_board_script_s_paths_are_in_the_device_tree(cm4):
     assert "stdout-path" not in call("fdtget", "-p", tree, "/chosen")
 
 
+# Devices of the tree that no driver of ours is meant for: the board's and the processors' own names, graphics, a
+# second timer, profiling, the IO board's clock and its bus.
+WITHOUT_A_DRIVER = {
+    "/", "/cpus/cpu@0", "/cpus/cpu@1", "/cpus/cpu@2", "/cpus/cpu@3", "/pmu", "/soc/timer@7e003000",
+    "/soc/txp@7e004000", "/soc/hvs@7e400000", "/soc/pixelvalve@7e206000", "/soc/pixelvalve@7e207000",
+    "/soc/pixelvalve@7e20a000", "/soc/pixelvalve@7e216000", "/soc/mailbox@7e00b840", "/scb/gpu@7ec00000",
+    "/i2c-mux0", "/i2c-mux0/i2c@1/rtc@51"}
+
+
+def switched_on(tree):
+    """Path and "compatible" of every device in the tree that isn't switched off."""
+    path, found, off = [], {}, set()
+    for line in call("dtc", "-q", "-I", "dtb", "-O", "dts", tree).splitlines():
+        line = line.strip()
+        if line.endswith("{"):
+            path.append(line[:-1].strip().strip("/"))
+        elif line == "};":
+            path.pop()
+        elif line.startswith("compatible = "):
+            found["/".join(path) or "/"] = [name for text in re.findall('"(.*?)"', line) for name in text.split("\\0")]
+        elif line == 'status = "disabled";':
+            off.add("/".join(path))
+    return {path: names for path, names in found.items() if path not in off}
+
+
+def test_every_device_that_is_on_has_a_driver(cm4):
+    """A clock that is missing leaves the board without its card and its UARTs, and nobody there to say so."""
+    drivers = (cm4.root / "boot/Image").read_bytes() + b"".join(
+        path.read_bytes() for path in cm4.root.glob("lib/modules/**/*.ko"))
+    devices = switched_on(cm4.root / "boot/board.dtb")
+    assert len(devices) > 50
+    lost = {path for path, names in devices.items() if not any(name.encode() + b"\0" in drivers for name in names)}
+    assert lost <= WITHOUT_A_DRIVER, lost - WITHOUT_A_DRIVER
+    assert WITHOUT_A_DRIVER <= devices.keys()
+
+
 def test_boot_volume_and_slot_have_the_same_device_tree(cm4):
     assert (cm4.images / "odid-cm4.dtb").read_bytes() == (cm4.root / "boot/board.dtb").read_bytes()
