@@ -6,6 +6,7 @@ Not covered (docs/hardware-checklist.md): the firmware before U-Boot, whose part
 that it is given; radios, USB, PCIe, Ethernet, which that machine doesn't have.
 """
 
+import json
 import re
 import shutil
 import subprocess
@@ -18,9 +19,11 @@ from .conftest import TOP, call, out_of
 from .test_image import figures
 
 QEMU = TOP / "build/qemu-raspi/usr/bin/qemu-system-aarch64"
-BOOT, ENV = 1, 5
+ENV, DATA = 5, 8
 CARD_OCTETS = 512 << 20         # the emulated controller wants a power of two
-TIMEOUT_S = 400                 # its card reads 1 MB/s
+TIMEOUT_S = 200                 # its card reads 1.7 MB/s
+RECORDED_S = 50                 # from the services' start: 30 s may pass before a channel counts as missing, 10 s
+                                # between two writes of the flight record
 SERIAL = "10000000a1b2c3d4"
 # What the machine hasn't got; it removes the nodes it knows by their "compatible", and the firmware leaves them,
 # switched off, which is what board.cmd looks for. A watchdog that is started resets it at once.
@@ -37,6 +40,8 @@ FIRMWARE = [
 # So for the kernel it isn't one; and the firmware's pins that switch the radios aren't there.
 FIT_TREE = ("fdt rm /soc/mmc@7e300000 mmc-pwrseq; fdt rm /soc/mmc@7e300000/wifi@1; "
             "fdt set /emmc2bus/mmc@7e340000 status disabled")
+# The kernel's early console on uart1: as a program's console the machine's uart1 interrupts without end.
+BOOTARGS = "earlycon=uart8250,mmio32,0xfe215040 keep_bootcon"
 
 
 class Raspi:
@@ -63,8 +68,8 @@ class Raspi:
             call("mkenvimage", "-r", "-s", "0x4000", "-o", self.folder / name, self.folder / "env")
             call("mcopy", "-o", "-i", f"{self.card}@@{self.starts[ENV]}", self.folder / name, f"::{name}")
 
-    def boot(self, until):
-        """The console's text up to a pattern, and how long it took."""
+    def boot(self, until, stay_s):
+        """The console's text up to a pattern, and how long it took; then it runs for stay_s, and its power is cut."""
         console = self.folder / "console"
         console.unlink(missing_ok=True)
         begun = time.monotonic()
@@ -78,7 +83,9 @@ class Raspi:
             while time.monotonic() - begun < TIMEOUT_S:
                 text = console.read_text(errors="replace").replace("\r", "") if console.exists() else ""
                 if all(re.search(pattern, text) for pattern in until):
-                    return text, time.monotonic() - begun
+                    took_s = time.monotonic() - begun
+                    time.sleep(stay_s)
+                    return text, took_s
                 if "Kernel panic" in text or qemu.poll() is not None:
                     break
                 time.sleep(0.5)
@@ -87,6 +94,17 @@ class Raspi:
         finally:
             qemu.kill()
             qemu.wait()
+
+    def flight_record(self):
+        """The lines that the board wrote to /data, after what a power-on does there: its journal is played."""
+        data = self.folder / "data"
+        with open(self.card, "rb") as card, open(data, "wb") as out:
+            card.seek(self.starts[DATA])
+            shutil.copyfileobj(card, out)
+        subprocess.run(["e2fsck", "-fy", "-E", "journal_only", data], capture_output=True, check=False)  # 1: it was
+        names = re.findall(r"[\w-]+\.jsonl", call("debugfs", "-R", "ls -p /odid/flights", data))
+        assert len(names) == 1, names
+        return [json.loads(line) for line in call("debugfs", "-R", f"cat /odid/flights/{names[0]}", data).splitlines()]
 
 
 @pytest.fixture(name="raspi")
@@ -102,11 +120,17 @@ def machine(tmp_path):
 
 
 def test_the_image_boots(raspi):
-    raspi.set_variables(board_console="uart1", fit_tree=FIT_TREE)
-    text, seconds = raspi.boot(["odid: boot: services", r"odid-daemon"])
+    raspi.set_variables(board_bootargs=BOOTARGS, fit_tree=FIT_TREE)
+    text, seconds = raspi.boot(["odid: boot: services", "odid: fault: wireless"], RECORDED_S)
     (Path(TOP) / "build/image/raspi4b.log").write_text(text)
     figures("cm4", raspi4b_boot_s=round(seconds, 1))
     line = re.search(r"Kernel command line: (.*)", text)[1]
-    assert "odid.slot=a" in line and "root=PARTUUID=0d1d2024-06" in line and "console=ttyS1,115200" in line
+    assert "odid.slot=a" in line and "root=PARTUUID=0d1d2024-06" in line and "console=ttynull" in line
     assert "odid.fallback" not in line
     assert "Run /sbin/init as init process" in text
+    for script in ("mounts", "disk", "data", "secrets", "clock", "config", "services"):
+        assert f"odid: boot: {script}" in text
+    # What the daemon said of its radios is in the record of this power-on.
+    faults = {one["what"]: one["text"] for one in raspi.flight_record() if one["event"] == "fault"}
+    print(faults)
+    assert {"bt4", "wifi"} <= faults.keys(), faults
