@@ -1,6 +1,6 @@
 """The Compute Module's own image in QEMU's machine raspi4b: its U-Boot, environment, boot script, kernel
-and device tree, root from its own partitions, as far as init and a daemon that reports its missing
-radios.
+and device tree, root from its own partitions, as far as init, a daemon that reports its missing radios, and
+what becomes of an update's trial without them.
 
 Not covered (docs/hardware-checklist.md): the firmware before U-Boot, whose part QEMU plays with the tree
 that it is given; radios, USB, PCIe, Ethernet, which that machine doesn't have.
@@ -9,8 +9,10 @@ that it is given; radios, USB, PCIe, Ethernet, which that machine doesn't have.
 import json
 import re
 import shutil
+import struct
 import subprocess
 import time
+import zlib
 from pathlib import Path
 
 import pytest
@@ -19,12 +21,13 @@ from .conftest import TOP, call, out_of
 from .test_image import figures
 
 QEMU = TOP / "build/qemu-raspi/usr/bin/qemu-system-aarch64"
-ENV, DATA = 5, 8
+ENV, SLOT_A, DATA = 5, 6, 8
 CARD_OCTETS = 512 << 20         # the emulated controller wants a power of two
 TIMEOUT_S = 200                 # its card reads 1.7 MB/s
 RECORDED_S = 50                 # from the services' start: 30 s may pass before a channel counts as missing, 10 s
                                 # between two writes of the flight record
 SERIAL = "10000000a1b2c3d4"
+TRIAL_S = 120                   # 60 s are its time
 # What the machine hasn't got; it removes the nodes it knows by their "compatible", and the firmware leaves them,
 # switched off, which is what board.cmd looks for. A watchdog that is started resets it at once.
 ABSENT = ("/scb/pcie@7d500000", "/scb/ethernet@7d580000", "/soc/rng@7e104000", "/soc/avs-monitor@7d5d2000/thermal",
@@ -68,7 +71,25 @@ class Raspi:
             call("mkenvimage", "-r", "-s", "0x4000", "-o", self.folder / name, self.folder / "env")
             call("mcopy", "-o", "-i", f"{self.card}@@{self.starts[ENV]}", self.folder / name, f"::{name}")
 
-    def boot(self, until, stay_s):
+    def variables(self):
+        """What U-Boot would start with now: the newer one of its two files."""
+        found = []
+        for name in ("uboot.env", "uboot-redund.env"):
+            call("mcopy", "-o", "-i", f"{self.card}@@{self.starts[ENV]}", f"::{name}", self.folder / name)
+            data = (self.folder / name).read_bytes()
+            crc, serial = struct.unpack("<IB", data[:5])
+            assert crc == zlib.crc32(data[5:]), f"{name} is torn"
+            found.append((serial, dict(line.split("=", 1) for line in data[5:].split(b"\0\0")[0].decode().split("\0"))))
+        return max(found, key=lambda one: one[0])[1]
+
+    def damage(self, partition, offset):
+        with open(self.card, "r+b") as card:
+            card.seek(self.starts[partition] + offset)
+            octet = card.read(1)[0]
+            card.seek(-1, 1)
+            card.write(bytes([octet ^ 1]))
+
+    def boot(self, until, stay_s=0):
         """The console's text up to a pattern, and how long it took; then it runs for stay_s, and its power is cut."""
         console = self.folder / "console"
         console.unlink(missing_ok=True)
@@ -119,12 +140,19 @@ def machine(tmp_path):
     one.card.unlink()           # pytest keeps folders of the last runs
 
 
+SERVICES = ["odid: boot: services", "odid: fault: wireless"]
+
+
+def command_line(text):
+    return re.search(r"Kernel command line: (.*)", text)[1]
+
+
 def test_the_image_boots(raspi):
     raspi.set_variables(board_bootargs=BOOTARGS, fit_tree=FIT_TREE)
-    text, seconds = raspi.boot(["odid: boot: services", "odid: fault: wireless"], RECORDED_S)
+    text, seconds = raspi.boot(SERVICES, RECORDED_S)
     (Path(TOP) / "build/image/raspi4b.log").write_text(text)
     figures("cm4", raspi4b_boot_s=round(seconds, 1))
-    line = re.search(r"Kernel command line: (.*)", text)[1]
+    line = command_line(text)
     assert "odid.slot=a" in line and "root=PARTUUID=0d1d2024-06" in line and "console=ttynull" in line
     assert "odid.fallback" not in line
     assert "Run /sbin/init as init process" in text
@@ -132,5 +160,25 @@ def test_the_image_boots(raspi):
         assert f"odid: boot: {script}" in text
     # What the daemon said of its radios is in the record of this power-on.
     faults = {one["what"]: one["text"] for one in raspi.flight_record() if one["event"] == "fault"}
-    print(faults)
     assert {"bt4", "wifi"} <= faults.keys(), faults
+
+
+def test_a_damaged_slot_gives_way_to_the_other_one(raspi):
+    raspi.set_variables(board_bootargs=BOOTARGS, fit_tree=FIT_TREE)
+    raspi.damage(SLOT_A, 9_000_000)
+    text, _ = raspi.boot(SERVICES)
+    line = command_line(text)
+    assert "odid.slot=b" in line and "root=PARTUUID=0d1d2024-07" in line
+    assert "odid.fallback=slot-a-damaged" in line
+    assert "odid: fault: slot: The boot loader took the other slot: slot a damaged." in text
+
+
+def test_a_trial_without_radios_is_given_up(raspi):
+    """An installed update's first start. It ends before the restart, for which this machine lacks the means."""
+    raspi.set_variables(board_bootargs=BOOTARGS, fit_tree=FIT_TREE, slot="a", trial="b", upgrade_available="1")
+    text, _ = raspi.boot(SERVICES, TRIAL_S)
+    assert "odid.slot=b" in command_line(text)
+    variables = raspi.variables()
+    assert (variables["slot"], variables["upgrade_available"], variables["trial_failed"]) == ("a", "0", "b")
+    said = [one["text"] for one in raspi.flight_record() if one["event"] == "update"]
+    assert len(said) == 1 and "rolled back: Bluetooth 4 isn't on the air" in said[0], said
