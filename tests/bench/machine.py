@@ -213,7 +213,8 @@ class Machine:
             "-qmp", f"unix:{self._sockets}/qmp,server=on,wait=off",
             # A power cut here ends QEMU, not this machine: what the disk was given is there without a flush.
             "-drive", f"if=none,id=disk,format=qcow2,cache=unsafe,file={self.disk.path}",
-            "-device", "virtio-blk-device,drive=disk",
+            # As many requests at once as a card's driver has; the kernel keeps memory for each.
+            "-device", "virtio-blk-device,drive=disk,queue-size=64",
             "-device", "virtio-rng-pci",
             "-device", "virtio-serial-pci",
             "-chardev", f"socket,id=bt,host=127.0.0.1,port={self.front_port},nodelay=on",

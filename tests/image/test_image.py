@@ -40,7 +40,7 @@ def figures(board, **values):
 
 def test_sizes(image, tmp_path):
     """Root without kernel, device tree and modules; and the whole slot."""
-    call("mksquashfs", image.root, tmp_path / "root", "-comp", "zstd", "-Xcompression-level", "22", "-b", "128K", "-no-xattrs",
+    call("mksquashfs", image.root, tmp_path / "root", "-comp", "zstd", "-Xcompression-level", "22", "-b", "64K", "-no-xattrs",
          "-quiet", "-no-progress", "-wildcards", "-e", "boot/*", "lib/modules/*", "lib/firmware/*")
     root, slot = (tmp_path / "root").stat().st_size, (image.images / "slot.img").stat().st_size
     unpacked = sum(path.stat().st_size for path in image.files())

@@ -212,6 +212,6 @@ def cpio(tree):
 def slot(out, root):
     """Slot made."""
     call("mksquashfs", root, out / "slot.img", "-comp", "zstd", "-Xcompression-level", "9",
-         "-b", "128K", "-all-root", "-no-xattrs", "-no-exports", "-all-time", EPOCH,
+         "-b", "64K", "-all-root", "-no-xattrs", "-no-exports", "-all-time", EPOCH,
          "-mkfs-time", EPOCH, "-noappend", "-no-progress", "-quiet", env=ENVIRONMENT)
     call(SEAL, out / "slot.img")
