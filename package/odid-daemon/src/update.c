@@ -122,11 +122,14 @@ static enum update_wish judge(struct update *update, const struct update_board *
     }
     update->tried_us += passed_us;
     update->well_us = board->well ? update->well_us + passed_us : 0;
+    if (!board->well) {
+        snprintf(update->complaint, sizeof(update->complaint), "%s", board->complaint);
+    }
     if (update->well_us >= UPDATE_WELL_US) {
         return UPDATE_COMMIT;
     }
     if (update->tried_us >= UPDATE_TRIAL_US) {
-        snprintf(update->sentence, sizeof(update->sentence), "%s", board->complaint);
+        snprintf(update->sentence, sizeof(update->sentence), "%s", update->complaint);
         return UPDATE_ROLL_BACK;
     }
     return UPDATE_NOTHING;

@@ -51,15 +51,16 @@ struct update_board {
 
 struct update {
     enum update_state state;
-    int percent, seconds_left;           /* -1: not known */
-    char version[UPDATE_VERSION_SIZE];   /* the bundle's; empty: not known yet */
-    char sentence[UPDATE_SENTENCE_SIZE]; /* what is going on, for people */
-    int64_t since_us;                    /* the state's beginning */
-    int64_t writing_us;                  /* when the first percent was written */
-    int64_t ticked_us;                   /* the last tick */
-    int64_t well_us, tried_us;           /* how long all is well; how long the trial has lasted */
-    int64_t disarmed_us;                 /* how long it was disarmed, while waiting */
-    bool stopped;                        /* the installer was told to end */
+    int percent, seconds_left;            /* -1: not known */
+    char version[UPDATE_VERSION_SIZE];    /* the bundle's; empty: not known yet */
+    char sentence[UPDATE_SENTENCE_SIZE];  /* what is going on, for people */
+    int64_t since_us;                     /* the state's beginning */
+    int64_t writing_us;                   /* when the first percent was written */
+    int64_t ticked_us;                    /* the last tick */
+    int64_t well_us, tried_us;            /* how long all is well; how long the trial has lasted */
+    char complaint[UPDATE_SENTENCE_SIZE]; /* why it wasn't well, when it wasn't for the last time */
+    int64_t disarmed_us;                  /* how long it was disarmed, while waiting */
+    bool stopped;                         /* the installer was told to end */
 };
 
 void update_init(struct update *update, int64_t now_us);

@@ -167,6 +167,18 @@ static void one_that_is_not_well_is_given_up_after_a_minute(void **state)
     assert_int_equal(after_s, 5);
 }
 
+/* A service that is started again and again is there for a moment each time. */
+static void one_that_is_well_in_the_last_moment_is_given_up_with_a_reason(void **state)
+{
+    int after_s;
+
+    (void)state;
+    update_try(&update, "1.2.0", now_us);
+    assert_int_equal(ticks(&ill, 59, &after_s), UPDATE_NOTHING);
+    assert_int_equal(ticks(&well, 1, &after_s), UPDATE_ROLL_BACK);
+    assert_string_equal(update.sentence, ill.complaint);
+}
+
 static void the_trial_stands_still_while_armed(void **state)
 {
     const struct update_board armed_and_ill = {.armed = true, .complaint = "x"};
@@ -215,6 +227,8 @@ int main(void)
         cmocka_unit_test_setup(a_slot_that_is_well_is_kept_after_20_s, begin),
         cmocka_unit_test_setup(twenty_seconds_in_one_piece, begin),
         cmocka_unit_test_setup(one_that_is_not_well_is_given_up_after_a_minute, begin),
+        cmocka_unit_test_setup(one_that_is_well_in_the_last_moment_is_given_up_with_a_reason,
+                               begin),
         cmocka_unit_test_setup(the_trial_stands_still_while_armed, begin),
         cmocka_unit_test_setup(a_board_that_stood_still_was_not_well_meanwhile, begin),
         cmocka_unit_test_setup(a_failed_commit_is_tried_again, begin),
