@@ -1,5 +1,6 @@
 """TLS to a hawkBit server, with a clock that no battery keeps."""
 
+import os
 import time
 
 import pytest
@@ -41,6 +42,8 @@ def test_after_a_power_on_without_any_time(make_appliance, server, tmp_path):
     wait_for("a poll", lambda: server.polls > 1, 90)
 
 
+@pytest.mark.skipif(not os.environ.get("IMAGE"), reason="the bench's SWUpdate, Debian's 2022.12, waits by the wall clock: "
+                    "set back, it sleeps until 2038. The release's doesn't: IMAGE=build/image/qemu/images/disk.img")
 def test_a_clock_that_is_wrong_until_the_autopilot_sets_it_back(make_appliance, server, tmp_path):
     one = appliance(make_appliance, "tls_2038", server, tmp_path / "server.crt", None)
     # It starts at the time that was saved last.
