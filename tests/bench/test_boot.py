@@ -8,7 +8,6 @@ from host import parts
 from . import boot_chart, flights, gaps, limits, runs
 from .machine import CHANNELS
 
-
 FILE = parts.ROOT / "build/system/boot.json"
 
 

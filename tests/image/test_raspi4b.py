@@ -65,6 +65,8 @@ class Raspi:
             call("fdtput", "-t", "s", self.tree, node, "compatible", "absent")
 
     def set_variables(self, **variables):
+        """In the board's environment, beside what this machine needs."""
+        variables = {"board_bootargs": BOOTARGS, "fit_tree": FIT_TREE} | variables
         text = (TOP / "board/cm4/u-boot.env").read_text()
         (self.folder / "env").write_text(text + "".join(f"{name}={value}\n" for name, value in variables.items()))
         for name in ("uboot.env", "uboot-redund.env"):
@@ -148,7 +150,7 @@ def command_line(text):
 
 
 def test_the_image_boots(raspi):
-    raspi.set_variables(board_bootargs=BOOTARGS, fit_tree=FIT_TREE)
+    raspi.set_variables()
     text, seconds = raspi.boot(SERVICES, RECORDED_S)
     (Path(TOP) / "build/image/raspi4b.log").write_text(text)
     figures("cm4", raspi4b_boot_s=round(seconds, 1))
@@ -164,7 +166,7 @@ def test_the_image_boots(raspi):
 
 
 def test_a_damaged_slot_gives_way_to_the_other_one(raspi):
-    raspi.set_variables(board_bootargs=BOOTARGS, fit_tree=FIT_TREE)
+    raspi.set_variables()
     raspi.damage(SLOT_A, 9_000_000)
     text, _ = raspi.boot(SERVICES)
     line = command_line(text)
@@ -175,7 +177,7 @@ def test_a_damaged_slot_gives_way_to_the_other_one(raspi):
 
 def test_a_trial_without_radios_is_given_up(raspi):
     """An installed update's first start. It ends before the restart, for which this machine lacks the means."""
-    raspi.set_variables(board_bootargs=BOOTARGS, fit_tree=FIT_TREE, slot="a", trial="b", upgrade_available="1")
+    raspi.set_variables(slot="a", trial="b", upgrade_available="1")
     text, _ = raspi.boot(SERVICES, TRIAL_S)
     assert "odid.slot=b" in command_line(text)
     variables = raspi.variables()
