@@ -15,7 +15,7 @@
 # the device tree to the board (/boot/board.scr), so that these always go together.
 #
 # What comes of it is on the kernel's command line: odid.slot=a|b, and odid.fallback=<why> when
-# that isn't the slot that should have been started.
+# that isn't the slot that should have been started; odid.trial for a slot on trial.
 
 if test "${slot}" != b; then setenv slot a; fi
 setenv fallback
@@ -94,6 +94,7 @@ if test -e ${disk}:${part} /boot/board.scr; then
 fi;
 part uuid ${disk}:${part} partuuid;
 setenv bootargs root=PARTUUID=${partuuid} ro rootfstype=squashfs rootwait panic=5 console=${console} ${board_bootargs} odid.slot=${try};
+if test "${upgrade_available}" = 1 && test "${try}" = "${trial}"; then setenv bootargs ${bootargs} odid.trial; fi;
 if test -n "${fallback}"; then setenv bootargs ${bootargs} odid.fallback=${fallback}; fi;
 if test -n "${fit_tree}"; then fdt addr ${fdt} && run fit_tree; fi;
 load ${disk}:${part} ${kernel_addr_r} /boot/Image && booti ${kernel_addr_r} ${initrd} ${fdt}'
