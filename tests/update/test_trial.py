@@ -109,6 +109,11 @@ def test_one_that_fails_is_given_up_without_a_hand_on_it(ready, failure):
         failed = wait_for("the reason", lambda: ready.result() and time.monotonic(), 120)
         ready.wait_restart(before + 1)
     else:
+        if failure.name == "not_judged":    # the autopilot is told of the trial, without odid-update
+            machine.wait_shell()
+            wait_for("the pilot's sentence", lambda: "update in progress" in machine.run("odidctl status").output, 60)
+            machine.shell.close()
+            machine.shell = None
         wait_for("the old slot", lambda: re.search(
             r"odid\.slot=a odid\.fallback", machine.console_text()), GIVEN_UP_S[failure.name])
         failed = began if failure.name == "no_kernel" else time.monotonic()
