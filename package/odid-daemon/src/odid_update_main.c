@@ -49,7 +49,6 @@ static struct {
     char running, other; /* slots */
     char version[UPDATE_VERSION_SIZE];
     bool time_known;
-    bool armed;  /* when that was known last */
     bool beside; /* a bundle came while another update isn't decided: the gate refuses it */
     struct loop_timer tick;
     struct loop_watch signals;
@@ -161,14 +160,12 @@ static struct json_object *ask(struct update_board *board)
         json_object_object_get(json_object_object_get(status, "aircraft"), "armed");
     struct json_object *known =
         json_object_object_get(json_object_object_get(status, "time"), "known");
+    bool heard = json_object_get_boolean(armed);
 
     memset(board, 0, sizeof(*board));
     self.time_known = self.time_known || json_object_get_boolean(known);
-    /* An autopilot that was lost after arming counts as armed. */
-    if (armed != NULL) {
-        self.armed = json_object_get_boolean(armed);
-    }
-    board->armed = self.armed || (armed == NULL && access(STATE "/armed", F_OK) == 0);
+    board->armed = update_armed(&self.update, armed == NULL ? NULL : &heard,
+                                access(STATE "/armed", F_OK) == 0);
     return status;
 }
 

@@ -40,6 +40,7 @@ static void enter(struct update *update, enum update_state state, int64_t now_us
 static void idle(struct update *update, int64_t now_us)
 {
     update->version[0] = '\0';
+    update->armed = false; /* nobody listens until the next one */
     enter(update, UPDATE_IDLE, now_us, "No update is going on.");
 }
 
@@ -47,6 +48,15 @@ void update_init(struct update *update, int64_t now_us)
 {
     memset(update, 0, sizeof(*update));
     idle(update, now_us);
+}
+
+bool update_armed(struct update *update, const bool *heard, bool before)
+{
+    if (heard != NULL) {
+        update->armed = *heard;
+        return *heard;
+    }
+    return update->armed || before;
 }
 
 /* ---- install ---- */

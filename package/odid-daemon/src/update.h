@@ -61,9 +61,16 @@ struct update {
     char complaint[UPDATE_SENTENCE_SIZE]; /* why it wasn't well, when it wasn't for the last time */
     int64_t disarmed_us;                  /* how long it was disarmed, while waiting */
     bool stopped;                         /* the installer was told to end */
+    bool armed;                           /* as was heard last since the update began */
 };
 
 void update_init(struct update *update, int64_t now_us);
+
+/*
+ * Does the aircraft count as armed? heard: what its autopilot says, or NULL: nothing. Then it is
+ * armed when it was lost while it was armed: during this update, or before (as others noted).
+ */
+bool update_armed(struct update *update, const bool *heard, bool before);
 
 /* ---- what SWUpdate does ---- */
 

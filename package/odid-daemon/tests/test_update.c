@@ -109,6 +109,26 @@ static void arming_stops_it_while_it_is_checked(void **state)
     assert_int_equal(ticks(&armed, 30, &after_s), UPDATE_STOP);
 }
 
+static void lost_while_armed_is_armed_as_long_as_the_update_lasts(void **state)
+{
+    const bool yes = true, no = false;
+
+    (void)state;
+    written();
+    assert_false(update_armed(&update, NULL, false));
+    assert_true(update_armed(&update, NULL, true));
+    assert_true(update_armed(&update, &yes, false));
+    update_progress(&update, 50, now_us);
+    assert_true(update_armed(&update, NULL, false));
+    update_ended(&update, now_us);
+    /* Landed, disarmed, its autopilot switched off; then the bundle once more. */
+    update_begins(&update, now_us);
+    assert_false(update_armed(&update, NULL, false));
+    assert_true(update_armed(&update, &yes, false));
+    assert_false(update_armed(&update, &no, true));
+    assert_false(update_armed(&update, NULL, false));
+}
+
 static void the_restart_waits_until_disarmed(void **state)
 {
     int after_s;
@@ -223,6 +243,7 @@ int main(void)
         cmocka_unit_test_setup(percent_and_what_is_left, begin),
         cmocka_unit_test_setup(arming_stops_the_installer_once, begin),
         cmocka_unit_test_setup(arming_stops_it_while_it_is_checked, begin),
+        cmocka_unit_test_setup(lost_while_armed_is_armed_as_long_as_the_update_lasts, begin),
         cmocka_unit_test_setup(the_restart_waits_until_disarmed, begin),
         cmocka_unit_test_setup(a_slot_that_is_well_is_kept_after_20_s, begin),
         cmocka_unit_test_setup(twenty_seconds_in_one_piece, begin),
