@@ -358,6 +358,24 @@ static void refuse(const char *why, const char *to)
     keep(UPDATE_REFUSED, to, "The update was refused: %s", sentence);
 }
 
+static bool is_trial(const struct update_variables *variables, char slot)
+{
+    return variables->upgrade_available && variables->trial == slot;
+}
+
+/* By U-Boot's variables as they are now. */
+static bool is_marked(void)
+{
+    struct update_variables variables;
+    bool damaged;
+
+    return update_variables_read(ENVIRONMENT_CONFIG, NULL, self.running, &variables, &damaged) ==
+               0 &&
+           is_trial(&variables, self.other);
+}
+
+/* SWUpdate marks the slot before it says so, and may fail or be ended between: the mark counts, as
+ * it does for U-Boot. */
 static void on_ends(const char *why, int64_t now_us)
 {
     if (is_beside(now_us)) {
@@ -366,10 +384,12 @@ static void on_ends(const char *why, int64_t now_us)
         return;
     }
     protect(true);
-    if (why[0] == '\0') {
+    if (why[0] != '\0') {
+        log_info("SWUpdate says: %s", why);
+    }
+    if (why[0] == '\0' || is_marked()) {
         update_installed(&self.update, now_us);
     } else {
-        log_info("SWUpdate says: %s", why);
         refuse(why, self.update.version);
         update_ended(&self.update, now_us);
     }
@@ -411,12 +431,11 @@ static void resume(int64_t now_us)
     char fallback[128];
 
     kernel_word("odid.fallback=", fallback, sizeof(fallback));
-    if (variables->upgrade_available && variables->trial == self.running) {
+    if (is_trial(variables, self.running)) {
         self.expectation.channels = self.record.channels;
         self.expectation.wanted = self.record.services;
         update_try(&self.update, self.version, now_us);
-    } else if (variables->upgrade_available && variables->trial == self.other &&
-               fallback[0] == '\0') {
+    } else if (is_trial(variables, self.other) && fallback[0] == '\0') {
         update_version(&self.update, self.record.to); /* installed, not restarted yet */
         update_installed(&self.update, now_us);
     } else if (variables->upgrade_available || variables->trial_failed != '\0') {
