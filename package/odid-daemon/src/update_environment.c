@@ -113,10 +113,14 @@ bool update_environment_find(const char *volume, const char *mount_point, const 
 
 /* ---- variables ---- */
 
-/* A context with what is on the disk, or with the defaults (NULL: fails). */
+/* A context with what is on the disk, or, when both copies are damaged, with the defaults (NULL:
+ * fails). */
 static int open_environment(const char *config, const char *defaults, struct uboot_ctx **context,
                             bool *damaged)
 {
+    int result;
+
+    *damaged = false;
     if (libuboot_initialize(context, NULL) < 0) {
         return -ENOMEM;
     }
@@ -124,13 +128,17 @@ static int open_environment(const char *config, const char *defaults, struct ubo
         libuboot_exit(*context);
         return -ENOENT;
     }
-    *damaged = libuboot_open(*context) < 0;
-    if (*damaged && (defaults == NULL || libuboot_load_file(*context, defaults) < 0)) {
+    result = libuboot_open(*context);
+    /* Else (-EIO) a copy can't be read, and the other one may be good. */
+    *damaged = result == -ENODATA;
+    if (*damaged && defaults != NULL && libuboot_load_file(*context, defaults) >= 0) {
+        return 0;
+    }
+    if (result < 0) {
         libuboot_close(*context);
         libuboot_exit(*context);
-        return -ENODATA;
     }
-    return 0;
+    return result;
 }
 
 static int close_environment(struct uboot_ctx *context, bool store)

@@ -25,9 +25,10 @@ struct update_variables {
 };
 
 /*
- * Reads the variables. When both files are damaged, U-Boot starts from its
- * defaults: then they are written anew from `defaults`, with `running` as the
- * slot, and *repaired is set. Returns 0 or -errno.
+ * Reads the variables. When both files are damaged (their checksums are wrong),
+ * U-Boot starts from its defaults: then they are written anew from `defaults`
+ * (NULL: they are not), with `running` as the slot, and *repaired is set. One
+ * that can't be read at all is no reason to write. Returns 0 or -errno.
  */
 int update_variables_read(const char *config, const char *defaults, char running,
                           struct update_variables *variables, bool *repaired);
