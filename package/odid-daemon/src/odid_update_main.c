@@ -30,6 +30,7 @@
 #define DATA "/data"
 #define RUN_DIR "/run/odid"
 #define SERVICES "/run/service"
+#define INSTALLER "/run/pid/swupdate"
 #define FAULTS "/run/faults"
 #define ENVIRONMENT_CONFIG "/run/fw_env.config"
 #define ENVIRONMENT_DEFAULTS "/etc/u-boot-initial-env"
@@ -187,17 +188,9 @@ static void look(struct update_board *board)
 
 /* ---- what is done ---- */
 
-/* By its supervisor's control pipe, as sv(8) does: SWUpdate is ended, and started anew. */
 static void end_installer(void)
 {
-    int fd = open(SERVICES "/swupdate/supervise/control", O_WRONLY | O_NONBLOCK | O_CLOEXEC);
-
-    if (fd < 0 || write(fd, "k", 1) != 1) {
-        log_error("SWUpdate can't be ended: %s", strerror(errno));
-    }
-    if (fd >= 0) {
-        close(fd);
-    }
+    complain("SWUpdate can't be ended", update_installer_end(INSTALLER));
 }
 
 static void commit(int64_t now_us)

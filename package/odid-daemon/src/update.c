@@ -164,11 +164,8 @@ enum update_wish update_tick(struct update *update, const struct update_board *b
     switch (update->state) {
     case UPDATE_CHECKING:
     case UPDATE_INSTALLING:
-        if (board->armed && !update->stopped) {
-            update->stopped = true;
-            return UPDATE_STOP;
-        }
-        return UPDATE_NOTHING;
+        update->stopped = update->stopped || board->armed;
+        return update->stopped ? UPDATE_STOP : UPDATE_NOTHING;
     case UPDATE_WAITING:
         return wait(update, board, passed_us);
     case UPDATE_TRIAL:

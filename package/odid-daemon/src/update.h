@@ -36,7 +36,7 @@ const char *update_state_name(enum update_state state);
 /* What is to be done; of several things the next call says the next one. */
 enum update_wish {
     UPDATE_NOTHING,
-    UPDATE_STOP,      /* the aircraft was armed: end the installer */
+    UPDATE_STOP,      /* the aircraft was armed: end the installer; until it has ended */
     UPDATE_COMMIT,    /* keep the slot: update_committed, when that is done */
     UPDATE_ROLL_BACK, /* give it up, u->sentence says why: update_rolled_back, when that is done */
     UPDATE_REBOOT,

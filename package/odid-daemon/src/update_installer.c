@@ -1,10 +1,13 @@
 #include "update_installer.h"
 
+#include <errno.h>
 #include <json-c/json_tokener.h>
 #include <json-c/linkhash.h>
 #include <network_ipc.h>
 #include <progress_ipc.h>
+#include <signal.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/epoll.h>
 #include <sys/socket.h>
@@ -12,6 +15,7 @@
 
 #include "loop.h"
 #include "update.h"
+#include "whole_file.h"
 
 /* Soon: what hawkBit's client begins may come a moment after SWUpdate's start. */
 #define AGAIN_US 100000
@@ -27,6 +31,49 @@ static struct {
     bool running, succeeded;
     char complaint[UPDATE_SENTENCE_SIZE];
 } self = {.notices = {.fd = -1}, .progress = {.fd = -1}};
+
+/* ---- ending it ---- */
+
+/* When a process started, in clock ticks; 0: there is none. */
+static unsigned long long started_at(pid_t pid)
+{
+    char path[40], *text, *at;
+    size_t length;
+    unsigned long long started;
+
+    snprintf(path, sizeof(path), "/proc/%d/stat", (int)pid);
+    text = whole_file_read(path, 4096, &length);
+    /* The second field, the name, may hold anything but ends with the last bracket; it is the 22nd.
+     */
+    at = text == NULL ? NULL : strrchr(text, ')');
+    for (int field = 3; at != NULL && field <= 22; field++) {
+        at = strchr(at + 1, ' ');
+    }
+    started = at == NULL ? 0 : strtoull(at, NULL, 10);
+    free(text);
+    return started;
+}
+
+int update_installer_end(const char *pid_file)
+{
+    size_t length;
+    char *text = whole_file_read(pid_file, 64, &length), *rest = text;
+    pid_t pid;
+
+    if (text == NULL) {
+        return -errno;
+    }
+    pid = (pid_t)strtol(text, &rest, 10);
+    /* With its start it is known for sure: numbers are used again. */
+    if (pid <= 0 || started_at(pid) == 0 || started_at(pid) != strtoull(rest, NULL, 10)) {
+        pid = 0;
+    }
+    free(text);
+    if (pid == 0) {
+        return -ESRCH;
+    }
+    return kill(pid, SIGKILL) < 0 ? -errno : 0;
+}
 
 /* ---- what is wrong, for people ---- */
 

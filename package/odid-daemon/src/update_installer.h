@@ -22,6 +22,10 @@ struct update_installer_calls {
  */
 void update_installer_watch(const struct update_installer_calls *calls, bool from_the_start);
 
+/* Ends SWUpdate at once, whoever supervises it now. pid_file: its number and its start, as
+ * take_over (overlay/lib/odid/functions) wrote them. Returns 0 or -errno; -ESRCH: it has ended. */
+int update_installer_end(const char *pid_file);
+
 /* What SWUpdate's complaints (the first one counts) mean to a technician. hardware: this board's.
  */
 void update_installer_explain(const char *complaint, const char *hardware, char *out,

@@ -83,7 +83,7 @@ static void percent_and_what_is_left(void **state)
     assert_int_equal(update.seconds_left, 0);
 }
 
-static void arming_stops_the_installer_once(void **state)
+static void arming_stops_the_installer_until_it_has_ended(void **state)
 {
     int after_s;
 
@@ -93,7 +93,8 @@ static void arming_stops_the_installer_once(void **state)
     assert_int_equal(ticks(&armed, 30, &after_s), UPDATE_STOP);
     assert_int_equal(after_s, 1);
     assert_true(update.stopped);
-    assert_int_equal(ticks(&armed, 30, &after_s), UPDATE_NOTHING);
+    assert_int_equal(ticks(&armed, 30, &after_s), UPDATE_STOP);
+    assert_int_equal(ticks(&well, 30, &after_s), UPDATE_STOP); /* disarmed again */
     update_ended(&update, now_us);
     assert_int_equal(update.state, UPDATE_IDLE);
     update_begins(&update, now_us);
@@ -241,7 +242,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup(nothing_is_done_without_an_update, begin),
         cmocka_unit_test_setup(percent_and_what_is_left, begin),
-        cmocka_unit_test_setup(arming_stops_the_installer_once, begin),
+        cmocka_unit_test_setup(arming_stops_the_installer_until_it_has_ended, begin),
         cmocka_unit_test_setup(arming_stops_it_while_it_is_checked, begin),
         cmocka_unit_test_setup(lost_while_armed_is_armed_as_long_as_the_update_lasts, begin),
         cmocka_unit_test_setup(the_restart_waits_until_disarmed, begin),
