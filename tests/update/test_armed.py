@@ -55,15 +55,18 @@ def no_restart(appliance, seconds):
         time.sleep(1)
 
 
-@pytest.mark.parametrize("lost", [False, True], ids=["armed", "lost_while_armed"])
-def test_writing_stops(ready, logs, lost):
+@pytest.mark.parametrize("case", ["armed", "lost_while_armed", "supervisor_replaced"])
+def test_writing_stops(ready, logs, case):
     bundle = bundles.bundle("good", NEWER)
     ready.begin(bundle, rate=bundle.stat().st_size // 40)
     ready.wait_state("installing")
     wait_for("ARM_STATUS", lambda: told(ready, "update in progress"), 10)
     variables = ready.variables()
+    if case == "supervisor_replaced":       # SWUpdate goes on, an orphan that a script stands in for
+        ready.machine.must("kill -9 $(pgrep -f '[r]unsv /run/service/swupdate'); sleep 3")
+        assert ready.state() == "installing"
     arm(ready, logs)
-    if lost:
+    if case == "lost_while_armed":
         ready.machine.unplug()
     ready.wait_state("idle", timeout_s=10)
     result = ready.result()
@@ -75,6 +78,29 @@ def test_writing_stops(ready, logs, lost):
     assert ready.sectors_written(7) == written
     assert ready.variables() == variables
     assert ready.ended()[0] == 1
+    if case == "armed":     # disarmed, its autopilot switched off: the next one isn't stopped by what was
+        arm(ready, logs, False)
+        time.sleep(3)
+        ready.machine.unplug()
+        wait_for("lost", lambda: ready.armed() is None, 30)
+        got = ready.install(bundle)
+        assert got.code == 0, got.output
+
+
+def test_marked_but_not_said(ready):
+    """SWUpdate is ended between its mark in U-Boot's variables and its last word: what U-Boot will do counts."""
+    bundle = bundles.bundle("good", NEWER)
+    ready.begin(bundle, rate=bundle.stat().st_size // 40)
+    ready.wait_state("installing")
+    before = ready.starts()
+    ready.machine.must("fw_setenv trial b && fw_setenv upgrade_available 1 && "
+                       "read -r pid _ </run/pid/swupdate && kill -9 $pid")
+    ready.wait_state("waiting-for-reboot", timeout_s=5)
+    assert ready.result() is None
+    # It was half written.
+    ready.wait_restart(before)
+    assert ready.slot() == "a"
+    assert re.search("rolled back: slot b (damaged|unreadable)", wait_for("the result", ready.result, 30)["sentence"])
 
 
 def test_no_restart_into_the_new_slot(ready, logs):
