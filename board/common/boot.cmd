@@ -3,6 +3,7 @@
 #   slot               the committed slot, a or b
 #   upgrade_available  1 while `trial` is on trial; U-Boot counts starts in bootcount only then
 #   trial_failed       set here: the slot whose trial failed last; kept for whoever asks why
+#   trial_reason       set with it: three-restarts, or too-many-starts (the limit, see below)
 #   restarts           counted here: starts that weren't power-ons, so panics and hangs; switching
 #                      off never counts. odid-update makes it 0 when it runs, on trial when all is well
 #   disk, console, *_addr_r   the board's, from its u-boot.env
@@ -36,6 +37,8 @@ if test "${power_on}" != 1; then
         saveenv
     elif test "${upgrade_available}" = 1; then
         setenv trial_failed ${trial}
+        setenv trial_reason three-restarts
+        if test ${bootcount} -gt ${bootlimit}; then setenv trial_reason too-many-starts; fi
         setenv trial
         setenv upgrade_available 0
         setenv bootcount 0

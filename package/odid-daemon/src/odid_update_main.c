@@ -391,20 +391,15 @@ static void on_ends(const char *why, int64_t now_us)
 
 /* ---- start ---- */
 
-/* U-Boot was to start the new slot, and didn't: it says why. */
-static void explain_fallback(void)
+/* U-Boot was to start the new slot, and didn't. */
+static void explain_fallback(const char *fallback)
 {
-    char words[128];
+    char why[128];
 
-    kernel_word("odid.fallback=", words, sizeof(words));
-    for (char *at = words; *at != '\0'; at++) {
-        *at = *at == '-' ? ' ' : *at;
-    }
+    update_explain_fallback(self.variables.trial_failed == '\0' ? "" : self.variables.trial_reason,
+                            fallback, why, sizeof(why));
     keep(UPDATE_BACK, self.record.to, "Version %s was rolled back: %s.",
-         self.record.to[0] == '\0' ? "(not known)" : self.record.to,
-         strstr(words, "failed its trial") != NULL ? "it didn't come up in three starts"
-         : words[0] != '\0'                        ? words
-                                                   : "it was given up");
+         self.record.to[0] == '\0' ? "(not known)" : self.record.to, why);
 }
 
 /* No trial, no restarts: the slot that U-Boot has for the committed one stays that. */
@@ -433,7 +428,7 @@ static void resume(int64_t now_us)
         update_installed(&self.update, now_us);
     } else if (variables->upgrade_available || variables->trial_failed != '\0') {
         if (recorded) {
-            explain_fallback();
+            explain_fallback(fallback);
         }
         settle(UPDATE_REPORT_FAILED);
     } else {

@@ -124,6 +124,20 @@ void update_rolled_back(struct update *update, int64_t now_us)
           update->version);
 }
 
+void update_explain_fallback(const char *reason, const char *fallback, char *out, size_t size)
+{
+    if (strcmp(reason, "three-restarts") == 0) {
+        snprintf(out, size, "it didn't come up in three starts");
+    } else if (strcmp(reason, "too-many-starts") == 0) {
+        snprintf(out, size, "it was started 20 times and never kept");
+    } else {
+        snprintf(out, size, "%s", fallback[0] == '\0' ? "it was given up" : fallback);
+        for (char *at = strchr(out, '-'); at != NULL && fallback[0] != '\0'; at = strchr(at, '-')) {
+            *at = ' ';
+        }
+    }
+}
+
 static enum update_wish judge(struct update *update, const struct update_board *board,
                               int64_t passed_us)
 {

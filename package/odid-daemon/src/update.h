@@ -10,6 +10,7 @@
 #define ODID_UPDATE_H
 
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdint.h>
 
 #define UPDATE_SENTENCE_SIZE 240
@@ -89,6 +90,12 @@ void update_ended(struct update *update, int64_t now_us);
 void update_try(struct update *update, const char *version, int64_t now_us);
 void update_committed(struct update *update, int64_t now_us);
 void update_rolled_back(struct update *update, int64_t now_us);
+
+/*
+ * Why U-Boot gave a slot up, for people; to follow a colon. reason: its variable
+ * trial_reason; fallback: its word on the kernel's command line. Either may be empty.
+ */
+void update_explain_fallback(const char *reason, const char *fallback, char *out, size_t size);
 
 /* Once a second, and whenever something happened. */
 enum update_wish update_tick(struct update *update, const struct update_board *board,

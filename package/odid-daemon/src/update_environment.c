@@ -187,6 +187,10 @@ int update_variables_read(const char *config, const char *defaults, char running
     value = libuboot_get_env(context, "upgrade_available");
     variables->upgrade_available = value != NULL && strcmp(value, "1") == 0;
     free(value);
+    value = libuboot_get_env(context, "trial_reason");
+    snprintf(variables->trial_reason, sizeof(variables->trial_reason), "%s",
+             value == NULL ? "" : value);
+    free(value);
     value = libuboot_get_env(context, "restarts");
     variables->restarts = value == NULL ? 0 : (unsigned)strtoul(value, NULL, 16);
     free(value);
@@ -218,6 +222,7 @@ int update_variables_write(const char *config, const struct update_variables *va
     set_slot(context, "slot", variables->slot);
     set_slot(context, "trial", variables->trial);
     set_slot(context, "trial_failed", variables->trial_failed);
+    libuboot_set_env(context, "trial_reason", NULL);
     libuboot_set_env(context, "upgrade_available", variables->upgrade_available ? "1" : "0");
     snprintf(restarts, sizeof(restarts), "%x", variables->restarts);
     libuboot_set_env(context, "restarts", restarts);

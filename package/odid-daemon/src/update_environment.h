@@ -20,6 +20,7 @@ bool update_environment_find(const char *volume, const char *mount_point, const 
 
 struct update_variables {
     char slot, trial, trial_failed; /* 'a', 'b', or '\0' for none */
+    char trial_reason[32];          /* why boot.cmd gave trial_failed up; only read */
     bool upgrade_available;
     unsigned restarts; /* that weren't power-ons, as boot.cmd counts them */
 };
@@ -37,8 +38,8 @@ int update_variables_read(const char *config, const char *defaults, char running
  * which is only written where SWUpdate has made it. */
 enum update_report { UPDATE_REPORT_NOTHING = '0', UPDATE_REPORT_GOOD = '2', UPDATE_REPORT_FAILED };
 
-/* Writes all of them at once, and flushes: all or none. bootcount becomes 0. Returns 0
- * or -errno. */
+/* Writes all of them at once, and flushes: all or none. bootcount becomes 0, and there is no
+ * trial_reason any more. Returns 0 or -errno. */
 int update_variables_write(const char *config, const struct update_variables *variables,
                            enum update_report report);
 

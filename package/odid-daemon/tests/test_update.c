@@ -237,6 +237,29 @@ static void a_failed_commit_is_tried_again(void **state)
     assert_int_equal(after_s, 1);
 }
 
+/* ---- what the boot loader says ---- */
+
+static void why_the_boot_loader_gave_it_up(void **state)
+{
+    static const struct {
+        const char *reason, *fallback, *why;
+    } cases[] = {
+        {"three-restarts", "slot-b-failed-its-trial", "it didn't come up in three starts"},
+        /* Power was cut before it could be said. */
+        {"three-restarts", "", "it didn't come up in three starts"},
+        {"too-many-starts", "slot-b-failed-its-trial", "it was started 20 times and never kept"},
+        {"", "slot-b-kernel-refused", "slot b kernel refused"},
+        {"", "", "it was given up"},
+    };
+    char why[100];
+
+    (void)state;
+    for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+        update_explain_fallback(cases[i].reason, cases[i].fallback, why, sizeof(why));
+        assert_string_equal(why, cases[i].why);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -254,6 +277,7 @@ int main(void)
         cmocka_unit_test_setup(the_trial_stands_still_while_armed, begin),
         cmocka_unit_test_setup(a_board_that_stood_still_was_not_well_meanwhile, begin),
         cmocka_unit_test_setup(a_failed_commit_is_tried_again, begin),
+        cmocka_unit_test_setup(why_the_boot_loader_gave_it_up, begin),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -44,7 +44,8 @@ static size_t read_copy(unsigned number, char *out)
 static int make_folder(void **state)
 {
     static const char nothing[COPY_SIZE];
-    static const char values[] = "slot=a\nupgrade_available=0\ntrial_failed=a\n";
+    static const char values[] =
+        "slot=a\nupgrade_available=0\ntrial_failed=a\ntrial_reason=three-restarts\n";
     char text[200] = "";
 
     (void)state;
@@ -87,6 +88,7 @@ static void both_damaged_are_made_anew(void **state)
     assert_false(repaired);
     assert_int_equal(variables.slot, 'b');
     assert_int_equal(variables.trial_failed, 'a');
+    assert_string_equal(variables.trial_reason, "three-restarts");
 }
 
 static void all_are_written_at_once(void **state)
@@ -103,6 +105,7 @@ static void all_are_written_at_once(void **state)
     assert_int_equal(variables.trial, 'b');
     assert_true(variables.upgrade_available);
     assert_int_equal(variables.trial_failed, '\0');
+    assert_string_equal(variables.trial_reason, "");
 }
 
 /* Made anew, a trial's variables would be gone, and the slot on trial be the committed one. */
