@@ -58,12 +58,25 @@ int update_write_state(const char *directory, const struct update *update)
     return replace(directory, UPDATE_STATE_FILE, object);
 }
 
+static int remember_failed(const char *data, const struct update_result *result)
+{
+    char path[PATH_SIZE], line[UPDATE_VERSION_SIZE + 1];
+
+    snprintf(path, sizeof(path), "%s/%s", data, UPDATE_BACK_FILE);
+    if (result->outcome == UPDATE_BACK && result->to[0] != '\0') {
+        snprintf(line, sizeof(line), "%s\n", result->to);
+        return whole_file_replace(path, line, strlen(line), 0644);
+    }
+    return result->outcome != UPDATE_INSTALLED || unlink(path) == 0 || errno == ENOENT ? 0 : -errno;
+}
+
 int update_write_result(const char *data, const struct update_result *result, time_t time)
 {
     static const char *const outcomes[] = {[UPDATE_INSTALLED] = "installed",
                                            [UPDATE_REFUSED] = "refused",
                                            [UPDATE_BACK] = "rolled-back"};
     struct json_object *object = json_object_new_object();
+    int remembered = remember_failed(data, result), written;
     char when[32] = "";
     struct tm utc;
 
@@ -75,7 +88,8 @@ int update_write_result(const char *data, const struct update_result *result, ti
     add(object, "to", text(result->to));
     add(object, "outcome", text(outcomes[result->outcome]));
     add(object, "sentence", text(result->sentence));
-    return replace(data, UPDATE_RESULT_FILE, object);
+    written = replace(data, UPDATE_RESULT_FILE, object);
+    return written < 0 ? written : remembered;
 }
 
 /* ---- record ---- */

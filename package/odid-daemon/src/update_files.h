@@ -13,6 +13,7 @@
 #define UPDATE_STATE_FILE "update.json"       /* in /run/odid-appliance */
 #define UPDATE_RESULT_FILE "odid/update.json" /* in /data */
 #define UPDATE_RECORD_FILE "odid/trial.json"  /* in /data */
+#define UPDATE_BACK_FILE "odid/rolled-back"   /* in /data: the version, for sticks */
 
 enum update_outcome { UPDATE_INSTALLED, UPDATE_REFUSED, UPDATE_BACK };
 
@@ -33,7 +34,8 @@ struct update_record {
 /* Each returns 0, or -errno; what fails is for the caller to say. */
 int update_write_state(const char *directory, const struct update *update);
 
-/* time: when the clock is known to be right, or 0. */
+/* time: when the clock is known to be right, or 0. Whatever comes after it, the version that was
+ * rolled back is remembered until one is installed. */
 int update_write_result(const char *data, const struct update_result *result, time_t time);
 
 int update_write_record(const char *data, const struct update_record *record);

@@ -228,6 +228,26 @@ static void a_result(void **state)
                                     "\"outcome\": \"refused\", \"sentence\": \"No.\" }\n");
 }
 
+static void what_was_rolled_back_is_remembered_until_one_is_installed(void **state)
+{
+    struct update_result result = {.outcome = UPDATE_BACK, .from = "1.0.0", .to = "1.2.0"};
+    char path[200];
+
+    (void)state;
+    write_text("odid/x", "");
+    assert_int_equal(update_write_result(folder, &result, 0), 0);
+    expect_text("odid/rolled-back", "1.2.0\n");
+    result = (struct update_result){.outcome = UPDATE_REFUSED, .from = "1.0.0", .to = "1.3.0"};
+    assert_int_equal(update_write_result(folder, &result, 0), 0);
+    expect_text("odid/rolled-back", "1.2.0\n");
+    result = (struct update_result){.outcome = UPDATE_INSTALLED, .from = "1.0.0", .to = "1.4.0"};
+    snprintf(path, sizeof(path), "%s/odid/rolled-back", folder);
+    for (int i = 0; i < 2; i++) {
+        assert_int_equal(update_write_result(folder, &result, 0), 0);
+        assert_int_equal(access(path, F_OK), -1);
+    }
+}
+
 static void a_record_over_the_restart(void **state)
 {
     struct update_record in = {.slot = 'b', .from = "1.0.0", .to = "1.2.0", .channels = BT4 | WIFI},
@@ -292,6 +312,7 @@ int main(void)
         cmocka_unit_test(services_that_ran_have_to_run),
         cmocka_unit_test(the_state_as_the_page_reads_it),
         cmocka_unit_test(a_result),
+        cmocka_unit_test(what_was_rolled_back_is_remembered_until_one_is_installed),
         cmocka_unit_test(a_record_over_the_restart),
         cmocka_unit_test(what_swupdate_says_in_plain_words),
     };
