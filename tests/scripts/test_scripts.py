@@ -4,6 +4,7 @@ with programs that only note how they were called. What needs a whole machine is
 
 import os
 import re
+import stat
 import subprocess
 import time
 
@@ -207,6 +208,83 @@ def test_another_vehicle_than_1_is_told_to_mavlink_router_but_not_in_flight(appl
     assert appliance.calls() == ["sv term mavlink-router"]
     made = sections(appliance.must("/lib/odid/mavlink-router-config /dev/ttyACM0"))
     assert made["General"]["SnifferSysid"] == "8"
+
+
+# --- a stick with a bundle ------------------------------------------------------------
+
+
+STICK = {"mount": 'echo "mount $*" >>/calls; cp /stick/* /run/stick/', "umount": "rm -f /run/stick/*",
+         "blkid": 'echo "$1: LABEL=\\"X\\" UUID=\\"1-2\\" TYPE=\\"$(cat /type)\\""', "odidctl": 'echo "odidctl $*" >>/calls'}
+
+
+@pytest.fixture
+def stick(appliance):
+    """Plugs one in, and tells what is said of it and what is called."""
+    for name, command in STICK.items():
+        appliance.write(f"usr/bin/{name}", f"#!/bin/sh\n{command}\n")
+        (appliance.root / f"usr/bin/{name}").chmod(0o755)
+    # Its shell would take its own applets.
+    script = appliance.root / "lib/odid/update-stick"
+    script.write_text(re.sub(r"\b(mount|umount|blkid) ", r"/usr/bin/\1 ", script.read_text()))
+    appliance.write("etc/odid-release", "BOARD=qemu\n")
+    appliance.write("etc/odid/version", "1.10.0\n")
+    appliance.write("run/odid-appliance/update.json", "{}\n")
+    appliance.write("lib/odid/armed", "#!/bin/sh\nfalse\n")
+    (appliance.root / "run/swupdate").mkdir()
+    os.mknod(appliance.root / "run/swupdate/sockinstctrl", stat.S_IFSOCK | 0o600)
+
+    def plug(*versions, kind="vfat"):
+        appliance.write("type", kind)
+        for version in versions:
+            appliance.write(f"stick/{version}.swu", f'software =\n{{\n\tversion = "{version}";\n'
+                                                    '\thardware-compatibility: [ "odid-qemu" ];\n')
+        appliance.write("calls", "")
+        appliance.write("dev/kmsg", "")
+        appliance.must("MDEV=sda1 /lib/odid/update-stick")
+        deadline = time.monotonic() + 10
+        while (appliance.exists("run/stick") or not appliance.read("calls")) and time.monotonic() < deadline:
+            time.sleep(0.05)
+        return appliance.read("dev/kmsg"), [call for call in appliance.calls() if call.startswith("odidctl")]
+
+    plug.appliance = appliance
+    return plug
+
+
+def test_the_newest_version_on_a_stick_is_installed(stick):
+    assert stick("1.9.0", "1.10.1", "1.2.0")[1] == ["odidctl update /run/stick/1.10.1.swu"]
+
+
+@pytest.mark.parametrize("version", ["1.9.0", "0.0.1"])
+def test_a_forgotten_stick_does_not_bring_an_older_version_back(stick, version):
+    said, calls = stick(version)
+    assert f"version {version}, which is older than 1.10.0" in said
+    assert calls == []
+
+
+def test_the_version_that_runs_is_left_alone(stick):
+    said, calls = stick("1.10.0")
+    assert "which is running" in said and calls == []
+
+
+def test_what_was_rolled_back_is_not_tried_again_whatever_came_since(stick):
+    stick.appliance.write("data/odid/rolled-back", "1.11.0\n")
+    stick.appliance.write("data/odid/update.json", '{ "to": "1.12.0", "outcome": "refused" }\n')
+    said, calls = stick("1.11.0")
+    assert "was rolled back" in said and calls == []
+    assert stick("1.11.1")[1] == ["odidctl update /run/stick/1.11.1.swu"]
+
+
+def test_nothing_is_installed_from_a_stick_that_could_not_be_remembered(stick):
+    stick.appliance.write("run/faults/data", "/data is full.\n")
+    said, calls = stick("1.11.0")
+    assert "/data" in said and calls == []
+
+
+@pytest.mark.parametrize("kind", ["vfat", "exfat", "ext4"])
+def test_a_stick_is_mounted_by_its_type(stick, kind):
+    """Then the kernel loads the driver, which isn't there before."""
+    stick("1.11.0", kind=kind)
+    assert stick.appliance.calls()[0] == f"mount -t {kind} -o ro,nosuid,nodev,noexec /dev/sda1 /run/stick"
 
 
 # --- services -----------------------------------------------------------------------

@@ -1,7 +1,9 @@
 """A bundle on a USB stick; and back to what CONFIG says."""
 
 import re
+import shutil
 
+import pytest
 from bench.disk import call
 from bench.machine import configuration
 
@@ -12,12 +14,20 @@ from .bundles import NEWER
 pytestmark = LONG
 
 
-def stick(name, *files):
+def stick(name, *files, kind="vfat"):
     """A stick with those files at its top level."""
     image = bundles.BUILD / f"{name}.stick"
     image.unlink(missing_ok=True)
     with open(image, "wb") as out:
         out.truncate(sum(file.stat().st_size for file in files) + (16 << 20))
+    if kind == "ext4":
+        folder = bundles.BUILD / f"{name}.files"
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir()
+        for file in files:
+            shutil.copy(file, folder)
+        call("mke2fs", "-q", "-F", "-t", "ext4", "-d", folder, image)
+        return image
     call("mkfs.fat", "-F", "32", image)
     for file in files:
         call("mcopy", "-i", image, file, f"::{file.name}")
@@ -30,11 +40,12 @@ def plug(machine, image):
     machine.qmp.command("device_add", driver="usb-storage", id="stick", drive="stick", bus="usb.0")
 
 
-def test_the_newest_that_fits_is_taken_once(ready):
+@pytest.mark.parametrize("kind", ["vfat", "ext4"])
+def test_the_newest_that_fits_is_taken_once(ready, kind):
     """And where the stick stays in, it isn't installed again."""
     files = [bundles.bundle("good", NEWER), bundles.bundle("older", bundles.OLDER),
              bundles.bundle("cm4", "99.0.0", board="cm4")]
-    plug(ready.machine, stick("several", *files))
+    plug(ready.machine, stick("several", *files, kind=kind))
     before = ready.starts()
     ready.wait_state("installing", timeout_s=60)
     ready.wait_restart(before, 120)
