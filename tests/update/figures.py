@@ -24,12 +24,26 @@ def read():
     return json.loads(PATH.read_text(encoding="utf-8")) if PATH.exists() else {}
 
 
+def verdict(figures):
+    """FAIL, PASS, or None: nothing is over its limit, but not all that has one was measured."""
+    if over(figures):
+        return "FAIL"
+    return "PASS" if all(fnmatch.filter(figures, pattern) for pattern in LIMITS) else None
+
+
+def head():
+    return subprocess.run(["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True,
+                          check=False).stdout.strip()
+
+
 def note(**figures):
-    """Adds figures, or replaces older ones of the same name."""
-    commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False)
-    merged = read() | figures | {"commit": commit.stdout.strip(), "date": time.strftime("%Y-%m-%d")}
-    violations = len(over(merged))
-    merged |= {"violations": violations, "verdict": "FAIL" if violations else "PASS"}
+    """Adds figures, or replaces older ones of the same name. Those of another commit don't stay."""
+    commit, known = head(), read()
+    merged = (known if known.get("commit") == commit else {}) | figures
+    merged.pop("verdict", None)
+    merged |= {"commit": commit, "date": time.strftime("%Y-%m-%d"), "violations": len(over(merged))}
+    if verdict(merged):
+        merged["verdict"] = verdict(merged)
     PATH.parent.mkdir(parents=True, exist_ok=True)
     PATH.write_text(json.dumps(merged, indent=1) + "\n", encoding="utf-8")
     print(" ".join(f"{name}={value}" for name, value in figures.items()), flush=True)
