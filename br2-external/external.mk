@@ -14,7 +14,8 @@ LINUX_MAKE_ENV += KCONFIG_ALLCONFIG=$(ODID_LINUX_CONFIG)
 $(ODID_LINUX_CONFIG): $(LINUX_KCONFIG_FRAGMENT_FILES)
 	mkdir -p $(@D)
 	cat $^ >$@
-$(LINUX_DIR)/.stamp_dotconfig: $(ODID_LINUX_CONFIG)
+# The device tree is copied when the kernel is built, and Buildroot doesn't look whether it has changed.
+$(LINUX_DIR)/.stamp_dotconfig: $(ODID_LINUX_CONFIG) $(call qstrip,$(BR2_LINUX_KERNEL_CUSTOM_DTS_PATH))
 
 # Its default environment is a part of U-Boot; Buildroot notices fragments only.
 $(UBOOT_DIR)/.stamp_dotconfig: $(call qstrip,$(BR2_TARGET_UBOOT_DEFAULT_ENV_FILE))
@@ -49,7 +50,14 @@ define ODID_CHECK_SWUPDATE
 endef
 SWUPDATE_PRE_BUILD_HOOKS += ODID_CHECK_SWUPDATE
 
+# What somebody's own layer sets replaces what the defconfig says; of these lists ours have to stay in them.
+ODID_LISTS = ROOTFS_DEVICE_TABLE ROOTFS_USERS_TABLES ROOTFS_OVERLAY ROOTFS_POST_BUILD_SCRIPT ROOTFS_POST_IMAGE_SCRIPT \
+	LINUX_KERNEL_CONFIG_FRAGMENT_FILES
+ODID_LISTED = $(filter $(BR2_EXTERNAL_ODID_PATH)/%,$(call qstrip,$(BR2_$(1))))
+
 ifeq ($(BR_BUILDING),y)
+$(foreach list,$(ODID_LISTS),$(if $(call ODID_LISTED,$(list)),,\
+	$(error BR2_$(list)="$(call qstrip,$(BR2_$(list)))" lacks this project's own: put them before yours (docs/extending.md))))
 ifneq ($(shell $(ODID_CHECK_CONFIG) "Buildroot" $(BR2_CONFIG) $(call qstrip,$(BR2_DEFCONFIG)) || echo lost),)
 $(error see above)
 endif

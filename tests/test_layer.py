@@ -206,6 +206,43 @@ def test_the_kernel_has_what_scripts_want(script):
     assert set(KERNEL[script].split()) <= on
 
 
+# What a board must have by what it is for; a driver that is missing fails on a real board only.
+DRIVERS = {
+    "autopilots": "USB_ACM USB_SERIAL_CH341 USB_SERIAL_CP210X USB_SERIAL_FTDI_SIO USB_SERIAL_PL2303",
+    "wired networks on USB": "USB_RTL8152 USB_LAN78XX USB_NET_AX8817X USB_NET_AX88179_178A USB_NET_CDCETHER USB_NET_CDC_NCM "
+                             "USB_NET_CDC_MBIM USB_NET_QMI_WWAN USB_NET_RNDIS_HOST USB_NET_SMSC95XX",
+    "the filter": "NF_TABLES_INET NF_CONNTRACK NFT_CT NFT_LIMIT",
+    "hardening": "SECCOMP STACKPROTECTOR_STRONG FORTIFY_SOURCE HARDENED_USERCOPY SLAB_FREELIST_HARDENED INIT_ON_ALLOC_DEFAULT_ON "
+                 "INIT_STACK_ALL_ZERO VMAP_STACK RANDOMIZE_BASE UNMAP_KERNEL_AT_EL0 STRICT_KERNEL_RWX STRICT_MODULE_RWX "
+                 "SECURITY_DMESG_RESTRICT",
+}
+CM4_DRIVERS = {
+    "radios": "BRCMFMAC BRCMFMAC_SDIO BT_HCIUART_SERDEV BT_HCIUART_BCM BT_HCIBTUSB SERIAL_DEV_BUS",
+    "its USB in both roles, and on PCIe": "USB_DWC2 USB_DWC2_DUAL_ROLE USB_CONFIGFS USB_CONFIGFS_NCM USB_CONFIGFS_ACM PCIE_BRCMSTB "
+                                          "USB_XHCI_HCD USB_XHCI_PCI",
+    "card and network": "MMC_SDHCI_IPROC MMC_BCM2835 BCMGENET",
+    "memory its devices reach": "ZONE_DMA ZONE_DMA32",
+    "watchdog and sensors": "BCM2835_WDT SENSORS_RASPBERRYPI_HWMON BCM2711_THERMAL",
+    "clocks, power and pins of the firmware": "RASPBERRYPI_FIRMWARE CLK_BCM2835 CLK_RASPBERRYPI RASPBERRYPI_POWER GPIO_RASPBERRYPI_EXP "
+                                              "RESET_RASPBERRYPI",
+}
+
+
+@pytest.mark.parametrize("board, what", [("qemu", what) for what in DRIVERS] + [("cm4", what) for what in DRIVERS | CM4_DRIVERS])
+def test_the_kernel_has_what_the_board_is_for(board, what):
+    fragments = read("board/common/linux.fragment") + read(f"board/{board}/linux.fragment")
+    on = {name.removeprefix("CONFIG_") for name, value in options(fragments) if value in ("y", "m")}
+    assert not set((DRIVERS | CM4_DRIVERS)[what].split()) - on
+
+
+def test_the_first_volume_holds_what_the_boot_rom_and_its_settings_name():
+    settings = dict(re.findall(r"^(\w+)=(.*)$", read("board/cm4/config.txt"), re.M))
+    files = {line.rpartition("/")[2] for line in read("board/cm4/boot-files").splitlines() if line and not line.startswith("#")}
+    # With the smallest share for the screen the boot ROM takes the firmware without one.
+    kind = "4cd" if settings.get("gpu_mem") == "16" else "4"
+    assert {settings["kernel"], settings["device_tree"], f"start{kind}.elf", f"fixup{kind}.dat"} <= files
+
+
 # --- overlay/ and what the image brings ----------------------------------------------
 
 # Programs of the packages that the defconfigs select. BusyBox' and ours are read from where they are named.
@@ -403,8 +440,7 @@ def make_disk(folder, board):
     (folder / "root/file").write_text("content")
     must("mksquashfs", folder / "root", images / "rootfs.squashfs", "-quiet", "-no-progress", "-all-time", "0",
          "-mkfs-time", "0", "-all-root")
-    for name in ("rpi-firmware/config.txt", "rpi-firmware/start4.elf", "rpi-firmware/fixup4.dat", "odid-cm4.dtb",
-                 "u-boot.bin"):
+    for name in ("rpi-firmware/start4.elf", "rpi-firmware/fixup4.dat", "odid-cm4.dtb", "u-boot.bin"):
         (images / name).write_text(name)
     must(COMMON / "post-image.sh", images, board, BUILD_DIR=str(folder), SOURCE_DATE_EPOCH=EPOCH,
          PATH=os.environ["PATH"] + ":/usr/sbin:/sbin")
@@ -453,7 +489,7 @@ def test_a_boot_file_that_is_missing_is_an_error(tmp_path):
     must("mksquashfs", TOP / "configs", images / "rootfs.squashfs", "-quiet", "-no-progress")
     result = call(COMMON / "post-image.sh", images, "cm4", BUILD_DIR=str(tmp_path), SOURCE_DATE_EPOCH=EPOCH,
                   PATH=os.environ["PATH"] + ":/usr/sbin:/sbin")
-    assert result.returncode == 1 and "config.txt" in result.stderr
+    assert result.returncode == 1 and "start4.elf" in result.stderr
 
 
 # --- what is handed on ----------------------------------------------------------------
@@ -554,6 +590,19 @@ def test_check_package():
 def test_a_defconfig_survives(configured):
     board, out = configured
     must(COMMON / "check-config.sh", "Buildroot", out / ".config", TOP / f"configs/odid_{board}_defconfig")
+
+
+@with_buildroot
+def test_a_list_without_ours_is_an_error(configured):
+    board, out = configured
+    if board != "cm4":
+        pytest.skip("the same for both")
+    theirs = (out / ".config").read_text()
+    ours = re.search(r'^BR2_ROOTFS_USERS_TABLES="(.*)"$', theirs, re.M)[1]
+    for value, refused in (("/theirs/users.txt", True), (f"{ours} /theirs/users.txt", False)):
+        result = call("make", "-s", "-C", Path(BUILDROOT).resolve(), f"O={out}", f"BR2_EXTERNAL={LAYER}", "-n", "skeleton",
+                      f'BR2_ROOTFS_USERS_TABLES="{value}"', MAKEFLAGS="")
+        assert ("BR2_ROOTFS_USERS_TABLES" in result.stderr) == refused, result.stderr[-500:]
 
 
 @with_buildroot

@@ -17,7 +17,7 @@ if [ ! -e "$project/configs/odid_${board}_defconfig" ]; then
 	complain "BOARD=$board: there is no such board; expected one of: $boards"
 fi
 
-for program in bmaptool git make gcc g++ perl python3 rsync cpio bc unzip wget file xxd xz; do
+for program in bmaptool git openssl make gcc g++ perl python3 rsync cpio bc unzip wget file xxd xz; do
 	command -v $program >/dev/null || complain "$program is not installed"
 done
 

@@ -22,7 +22,7 @@ IMAGE_VERSION = $(shell sed -n 's/^project.odid-daemon VERSION \([0-9.]*\).*/\1/
 	$(DAEMON)/CMakeLists.txt)
 
 # Debian's packages for it; the rest that building needs, Buildroot makes for itself.
-IMAGE_PACKAGES = bc bmap-tools build-essential bzip2 ca-certificates cpio file git patch perl python3 \
+IMAGE_PACKAGES = bc bmap-tools build-essential bzip2 ca-certificates cpio file git openssl patch perl python3 \
 	rsync unzip wget xxd xz-utils
 
 # The same commit, the same bytes. Everything is dated 2026-01-01, so that what was built for an earlier
@@ -57,7 +57,7 @@ changed-recipes = $(if $(wildcard $(IMAGE_OUT)/built),$(addsuffix -dirclean,$(fi
 	$(shell find br2-external/package/*/ -newer $(IMAGE_OUT)/built -type f | cut -d / -f 3 | sort -u))))
 
 .PHONY: image source legal reproducible test-image image-host
-image: keys $(IMAGE_OUT)/defconfig
+image: $(IMAGE_OUT)/defconfig keys
 	@touch $(IMAGE_OUT)/building
 	$(call buildroot,build,$(changed-recipes) odid-daemon-rebuild all)
 	@mv $(IMAGE_OUT)/building $(IMAGE_OUT)/built

@@ -143,8 +143,13 @@ def test_drivers_are_there(image):
     known = {re.sub("-", "_", path.name.partition(".ko")[0]) for path in folder.rglob("*.ko*")}
     known |= {re.sub("-", "_", line.rpartition("/")[2].removesuffix(".ko").strip())
               for line in (folder / "modules.builtin").read_text().splitlines()}
-    assert {"ftdi_sio", "cdc_acm", "usb_storage", "sd_mod", "ext4", "vfat", "squashfs", "hci_uart", "bluetooth",
-            "nf_tables", "nf_conntrack"} <= known
+    wanted = {"ftdi_sio", "cdc_acm", "cp210x", "ch341", "pl2303", "usb_storage", "sd_mod", "ext4", "vfat", "exfat", "squashfs",
+              "hci_uart", "bluetooth", "nf_tables", "nf_conntrack", "cdc_ether", "cdc_ncm", "cdc_mbim", "qmi_wwan", "rndis_host",
+              "r8152", "ax88179_178a", "smsc95xx"}
+    if image.board == "cm4":
+        wanted |= {"brcmfmac", "btbcm", "btusb", "dwc2", "libcomposite", "usb_f_ncm", "usb_f_acm", "xhci_pci", "genet",
+                   "bcm2835_wdt", "raspberrypi_hwmon", "sdhci_iproc", "pcie_brcmstb"}
+    assert not wanted - known
 
 
 def test_nothing_tells_where_it_was_built(image):
@@ -183,16 +188,18 @@ def module(image, name):
     return found.read_bytes()
 
 
+# The chips that Compute Modules 4 have, by the names that brcmfmac and btbcm know them by.
+CHIPS = {"brcmfmac43455-sdio": "BCM4345C0", "brcmfmac43456-sdio": "BCM4345C5"}
+
+
 def test_radio_firmware_has_the_names_that_drivers_ask_for(cm4):
-    folder = cm4.root / "lib/firmware"
-    # brcmfmac puts the chip's name before the kind; btbcm the chip's own name before .hcd.
-    assert b"brcm/brcmfmac43455-sdio" in module(cm4, "brcmfmac")
-    assert b"BCM4345C0" in module(cm4, "btbcm") and b"brcm/%s" in module(cm4, "btbcm")
-    for name in ("regulatory.db", "regulatory.db.p7s"):
-        assert name.encode() in module(cm4, "cfg80211")
-    for name in ("brcm/brcmfmac43455-sdio.bin", "brcm/brcmfmac43455-sdio.clm_blob", "brcm/brcmfmac43455-sdio.txt",
-                 "brcm/BCM4345C0.hcd", "regulatory.db", "regulatory.db.p7s"):
-        assert (folder / name).stat().st_size > 0, name
+    folder, wanted = cm4.root / "lib/firmware", {"regulatory.db", "regulatory.db.p7s"}
+    assert all(name.encode() in module(cm4, "cfg80211") for name in wanted)
+    assert b"brcm/%s" in module(cm4, "btbcm")
+    for wifi, bluetooth in CHIPS.items():
+        assert f"brcm/{wifi}".encode() in module(cm4, "brcmfmac") and bluetooth.encode() in module(cm4, "btbcm")
+        wanted |= {f"brcm/{bluetooth}.hcd", *(f"brcm/{wifi}.{kind}" for kind in ("bin", "clm_blob", "txt"))}
+    assert {name for name in wanted if not (folder / name).stat().st_size} == set()
     listed = (TOP / "board/cm4/firmware-files").read_text()
     assert {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()} == {
         line for line in listed.splitlines() if line and not line.startswith("#")}
