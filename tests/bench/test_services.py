@@ -123,3 +123,24 @@ def test_a_daemon_that_never_comes_back_is_taken_off_the_air(make_machine):
     assert status.code != 0 and re.search("taken off the air: (wlan0, hci0|hci0, wlan0)", status.output), status.output
     machine.must("umount $(which odid-daemon)")
     machine.wait_on_air(position=True, timeout_s=30)
+
+
+def test_a_modem_that_is_plugged_in_has_an_address_and_is_the_second_way_out(make_machine):
+    """QEMU's USB network adapter, as modems that are Ethernet are one (CDC)."""
+    machine = make_machine("modem")
+    machine.power_on()
+    machine.wait_inside("a way out", "ip route | grep -q default", 60)
+    machine.qmp.command("netdev_add", type="user", id="modem", net="10.9.8.0/24")
+    machine.qmp.command("device_add", driver="usb-net", id="modem", netdev="modem", bus="usb.0")
+    machine.wait_inside("the modem's address", "ip route | grep -q 'default via 10.9.8.2'", 60)
+    ways = re.findall(r"default via (\S+) dev (\S+) +metric (\d+)", machine.must("ip route"))
+    (_, first, near), (_, second, far) = sorted(ways, key=lambda way: int(way[2]))
+    assert first == "eth0" and int(near) < int(far)
+    assert machine.must(f"sv status udhcpc-{second}").startswith("run:")
+
+    machine.must("ip link set eth0 down")
+    assert "10.9.8.2" in machine.must("ip route get 203.0.113.1")
+    machine.qmp.command("device_del", id="modem")
+    machine.wait_inside("the modem's end", f"sv status udhcpc-{second} | grep -q ^down:", 20)
+    assert not re.search("10.9.8", machine.must("ip route"))
+    machine.wait_on_air()

@@ -20,7 +20,7 @@ def test_each_service_is_supervised_and_each_supervised_one_exists():
     for name in services:
         run = OVERLAY / "etc/sv" / name / "run"
         assert os.access(run, os.X_OK), run
-        assert re.search(rf"^take_over {name}$", run.read_text(), re.M), f"{run}: who ends its orphan?"
+        assert re.search(rf'^take_over ({name}|"\$service")$', run.read_text(), re.M), f"{run}: who ends its orphan?"
         finish = OVERLAY / "etc/sv" / name / "finish"
         if finish.is_symlink():
             assert os.readlink(finish) == "/lib/odid/finish"
@@ -133,6 +133,74 @@ def test_a_hostapd_started_in_maintenance_is_open(appliance):
     assert (made["max_num_sta"], key) == ("4", KEY)
 
 
+# --- networks ---------------------------------------------------------------------------
+
+
+def supervised(appliance):
+    """sv knows none of these yet; runsv says what it is given."""
+    appliance.write("usr/bin/sv", "#!/bin/sh\nexit 1\n")
+    appliance.write("usr/bin/runsv", '#!/bin/sh\necho "runsv $*" >>/calls\n')
+    for name in ("sv", "runsv"):
+        (appliance.root / "usr/bin" / name).chmod(0o755)
+
+
+def test_each_adapter_that_is_plugged_in_gets_an_address(appliance):
+    supervised(appliance)
+    for interface in ("eth1", "usb0", "wwan0", "lo", "sit0"):
+        appliance.must(f"ACTION=add MDEV={interface} /lib/odid/device-network; sleep 0.3")    # it isn't waited for
+    assert sorted(appliance.calls()) == [f"runsv /run/service/udhcpc-{name}" for name in ("eth1", "usb0", "wwan0")]
+    assert os.readlink(appliance.root / "run/service/udhcpc-usb0/run") == "/etc/sv/udhcpc/run"
+
+
+def test_one_that_was_there_before_goes_on(appliance):
+    """sv knows it."""
+    appliance.must("ACTION=add MDEV=usb0 /lib/odid/device-network")
+    appliance.must("ACTION=remove MDEV=usb0 /lib/odid/device-network")
+    assert appliance.calls() == ["sv up udhcpc-usb0", "sv down udhcpc-usb0"]
+
+
+def test_a_computer_on_the_usb_cable_is_given_an_address(appliance):
+    supervised(appliance)
+    appliance.must("ACTION=add MDEV=gadget0 /lib/odid/device-network; sleep 0.3")
+    assert "runsv /run/service/udhcpd-gadget0" in appliance.calls()
+    assert "start 192.168.42.10\n" in appliance.read("run/udhcpd-gadget0.conf")
+
+
+def gadget(appliance, cmdline="console=ttyGS0 root=x"):
+    """configfs makes a function's files with its folder; the files are there before, for the script writes them only."""
+    top = "sys/kernel/config/usb_gadget/odid"
+    for name in ("idVendor", "UDC", "strings/0x409/product", "configs/all.1/x", "functions/ncm.0/ifname", "functions/acm.0/console"):
+        appliance.write(f"{top}/{name}", "\n")
+    appliance.write("sys/firmware/devicetree/base/serial-number", "10000000a1b2c3d4\0")
+    appliance.write("cmdline", cmdline + "\n")
+    appliance.must("mount --bind /cmdline /proc/cmdline && /lib/odid/gadget fe980000.usb")
+    return lambda name: appliance.read(f"{top}/{name}").strip()
+
+
+def test_a_usb_gadget_is_a_network_and_a_serial_port(appliance):
+    made = gadget(appliance)
+    assert made("UDC") == "fe980000.usb" and made("strings/0x409/serialnumber") == "10000000a1b2c3d4"
+    assert (made("functions/ncm.0/dev_addr"), made("functions/ncm.0/host_addr")) == ("02:0d:1e:b2:c3:d4", "02:0d:1f:b2:c3:d4")
+    assert made("functions/ncm.0/ifname") == "gadget%d" and made("functions/acm.0/console") == "1"
+    folder = appliance.root / "sys/kernel/config/usb_gadget/odid/configs/all.1"
+    assert {name.name for name in folder.iterdir() if name.is_symlink()} == {"ncm.0", "acm.0"}
+
+
+def test_a_usb_gadget_s_console_is_for_those_who_ask(appliance):
+    assert gadget(appliance, "console=ttynull")("functions/acm.0/console") == ""
+
+
+def test_rules_of_other_layers_are_loaded_each_time(appliance):
+    appliance.settings(mavlink__udp_address="127.0.0.1")
+    appliance.write("etc/nftables.d/camera.nft", "add rule\n")
+    appliance.must("/lib/odid/firewall")
+    assert appliance.calls() == ["nft -f /etc/nftables.conf", "nft -f /etc/nftables.d/camera.nft"]
+    assert appliance.fault("firewall") is None
+    appliance.write("usr/bin/nft", '#!/bin/sh\ncase $2 in *camera*) exit 1 ;; esac\n')
+    appliance.must("/lib/odid/firewall")
+    assert "camera.nft" in appliance.fault("firewall") and appliance.exists("run/odid-appliance/firewall")
+
+
 # --- maintenance --------------------------------------------------------------------
 
 
@@ -156,7 +224,7 @@ def test_maintenance_opens_and_closes_without_a_restart(appliance):
     assert [call for call in opened if call.startswith("hostapd_cli")] == [cli + "RELOAD_WPA_PSK", cli + "SET max_num_sta 4"]
     assert [call for call in closed if call.startswith("hostapd_cli")] == [
         cli + "SET max_num_sta 0", cli + "RELOAD_WPA_PSK", cli + "DEAUTHENTICATE ff:ff:ff:ff:ff:ff"]
-    assert 'nft add element inet odid maintenance { "wlan0", "eth0", "usb0" }' in opened
+    assert 'nft add element inet odid maintenance { "wlan0", "eth0", "gadget0" }' in opened
     assert "sv up odid-web" in opened and "sv up udhcpd" in opened
     assert "nft flush set inet odid maintenance" in closed
     assert closed[0] == "sv down odid-web" and "sv down udhcpd" in closed
