@@ -12,6 +12,9 @@ MAVLINK_ROUTER_LICENSE = Apache-2.0
 MAVLINK_ROUTER_LICENSE_FILES = LICENSE
 MAVLINK_ROUTER_DEPENDENCIES = mavlink-c-library-v2
 MAVLINK_ROUTER_CONF_OPTS = -Dsystemdsystemunitdir=/usr/lib/systemd/system
+# dedup.h uses uint32_t without asking for it, which later compilers mind; upstream has it since 2026
+# (pull request 476).
+MAVLINK_ROUTER_CXXFLAGS = $(TARGET_CXXFLAGS) -include cstdint
 
 # Its submodule is MAVLink as of 2021, which lacks Remote ID's SYSTEM_UPDATE: the one MAVLink of
 # this layer takes its place, for mavlink-router and odid-daemon alike.
