@@ -4,9 +4,12 @@ import os
 
 import pytest
 
-from . import LONG, figures, power_cuts
+from bench import disk as disks
+
+from . import LONG, figures, power_cuts, writes
 
 COUNT, INSTALL_S = 20, 60
+SLOTS = {disks.SLOT_A, disks.SLOT_B}
 
 
 def test_each_cut_leaves_an_appliance_that_broadcasts():
@@ -17,6 +20,18 @@ def test_each_cut_leaves_an_appliance_that_broadcasts():
     install_s = power_cuts.course_figures(short=True)["install_s"]
     figures.note(install_s=install_s)
     assert install_s <= INSTALL_S
+
+
+def test_a_slot_is_on_the_disk_before_it_is_marked():
+    """Of what lies between two flushes a power cut may leave any part: the mark without the slot."""
+    folder = power_cuts.recorded(None, short=True)
+    place, begun, marks = power_cuts.places(folder / "base"), set(), 0
+    for request in writes.read(folder / "log"):
+        parts = {part for part in (disks.ENV, *SLOTS) if writes.touches(request, place[part])}
+        assert not (begun & SLOTS and disks.ENV in parts), request
+        marks += disks.ENV in parts
+        begun = set() if request.flags & (writes.FLUSH | writes.FUA) else begun | parts
+    assert marks >= 4   # two updates, each marked and decided
 
 
 @LONG
