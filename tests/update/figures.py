@@ -42,8 +42,8 @@ def note(**figures):
     merged = (known if known.get("commit") == commit else {}) | figures
     merged.pop("verdict", None)
     merged |= {"commit": commit, "date": time.strftime("%Y-%m-%d"), "violations": len(over(merged))}
-    if verdict(merged):
-        merged["verdict"] = verdict(merged)
+    if said := verdict(merged):
+        merged["verdict"] = said
     PATH.parent.mkdir(parents=True, exist_ok=True)
     PATH.write_text(json.dumps(merged, indent=1) + "\n", encoding="utf-8")
     print(" ".join(f"{name}={value}" for name, value in figures.items()), flush=True)
