@@ -57,10 +57,10 @@ class Disk:
         """Copies a file of the partition's size to a partition."""
         call("qemu-img", "convert", "-n", "-f", "raw", "--target-image-opts", source, self._options(number))
 
-    def fill(self, number, octet):
-        """Overwrites a partition from end to end."""
-        offset, size = self._place(number)
-        call("qemu-io", "-f", "qcow2", "-c", f"write -P {octet:#x} {offset} {size}", self.path)
+    def fill(self, number, octet, at=0, size=None):
+        """Overwrites a partition, or size octets of it."""
+        offset, whole = self._place(number)
+        call("qemu-io", "-f", "qcow2", "-c", f"write -P {octet:#x} {offset + at} {size or whole}", self.path)
 
     def forget_partition(self, number):
         """Takes a partition out of the table: the disk has none of that number any more."""
