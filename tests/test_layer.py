@@ -228,6 +228,13 @@ CM4_DRIVERS = {
 }
 
 
+def test_a_boot_that_hangs_is_a_restart():
+    """Without a limit the kernel would feed the boot loader's watchdog for an init that never gets anywhere."""
+    limits = dict(options(read("board/common/linux.fragment")))
+    assert limits["CONFIG_WATCHDOG_HANDLE_BOOT_ENABLED"] == "y"
+    assert 0 < int(limits.get("CONFIG_WATCHDOG_OPEN_TIMEOUT", 0)) <= 60
+
+
 @pytest.mark.parametrize("board, what", [("qemu", what) for what in DRIVERS] + [("cm4", what) for what in DRIVERS | CM4_DRIVERS])
 def test_the_kernel_has_what_the_board_is_for(board, what):
     fragments = read("board/common/linux.fragment") + read(f"board/{board}/linux.fragment")
