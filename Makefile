@@ -1,4 +1,4 @@
-# The front door. Everything that is built, fetched or measured goes into build/.
+# The front door. Everything that is built or measured goes into build/.
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
@@ -6,6 +6,12 @@ MAKEFLAGS += --no-builtin-rules
 
 DAEMON := package/odid-daemon
 JOBS := $(shell nproc 2>/dev/null || echo 2)
+
+# What set-up and the bench fetch from Debian and PyPI is kept here: another checkout, and this one after
+# `make clean`, doesn't fetch it again, and needs no network.
+FETCHED ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/odid
+override FETCHED := $(abspath $(FETCHED))
+export FETCHED
 
 # Where the two foreign sources are; naming one of these replaces what set-up would fetch.
 ifeq ($(OPENDRONEID_DIR),)
@@ -72,6 +78,7 @@ help:
 	@echo 'BOARD=qemu      the release image for QEMU instead of the CM4; DL_DIR=<dir> keeps its sources,'
 	@echo '                BUILDROOT_DIR=<dir> IMAGE_CONFIG=<file> IMAGE_OUT=<dir>: board/common/image.mk'
 	@echo 'KEYS=<dir>      whose key signs bundles, and whose keys images trust (default: build/keys)'
+	@echo 'FETCHED=<dir>   where fetched packages are kept (default: ~/.cache/odid)'
 	@echo 'OPENDRONEID_DIR=<dir>  MAVLINK_DIR=<dir>  sources of your own instead of fetched ones'
 
 # --- Set-up -----------------------------------------------------------------

@@ -1,12 +1,13 @@
 """The Compute Module's own image in QEMU's machine raspi4b: its U-Boot, environment, boot script, kernel
-and device tree, root from its own partitions, as far as init, a daemon that reports its missing radios, and
-what becomes of an update's trial without them.
+and device tree, root from its own partitions, as far as init, a daemon that reports its missing radios, an
+update that is installed, and what becomes of its trial without radios.
 
 Not covered (docs/hardware-checklist.md): the firmware before U-Boot, whose part QEMU plays with the tree
 that it is given; radios, USB, PCIe, Ethernet, which that machine doesn't have.
 """
 
 import json
+import os
 import re
 import shutil
 import struct
@@ -21,7 +22,7 @@ from .conftest import TOP, call, out_of
 from .test_image import figures
 
 QEMU = TOP / "build/qemu-raspi/usr/bin/qemu-system-aarch64"
-ENV, SLOT_A, DATA = 5, 6, 8
+ENV, SLOT_A, SLOT_B, DATA = 5, 6, 7, 8
 CARD_OCTETS = 512 << 20         # the emulated controller wants a power of two
 TIMEOUT_S = 200                 # its card reads 1.7 MB/s
 RECORDED_S = 50                 # from the services' start: 30 s may pass before a channel counts as missing, 10 s
@@ -91,6 +92,24 @@ class Raspi:
             card.seek(-1, 1)
             card.write(bytes([octet ^ 1]))
 
+    def add(self, name, text):
+        """A script to the root in slot A."""
+        root, slot = self.folder / "root", self.folder / "slot"
+        call("unsquashfs", "-quiet", "-no-progress", "-dest", root, self.out / "images/rootfs.squashfs")
+        (root / name).write_text(text, encoding="utf-8")
+        (root / name).chmod(0o755)
+        call("mksquashfs", root, slot, "-comp", "zstd", "-b", "64K", "-no-xattrs", "-noappend", "-no-progress", "-quiet")
+        shutil.rmtree(root)
+        call(TOP / "board/common/seal-slot.sh", slot)
+        self.write(SLOT_A, slot.read_bytes())
+
+    def put(self, name, file):
+        """A file on /data, before it was ever mounted."""
+        data = self.folder / "data"
+        data.write_bytes(self.read(DATA))
+        call("debugfs", "-w", "-R", f"write {file} {name}", data)
+        self.write(DATA, data.read_bytes())
+
     def boot(self, until, stay_s=0):
         """The console's text up to a pattern, and how long it took; then it runs for stay_s, and its power is cut."""
         console = self.folder / "console"
@@ -118,12 +137,20 @@ class Raspi:
             qemu.kill()
             qemu.wait()
 
+    def read(self, partition, octets=None):
+        with open(self.card, "rb") as card:
+            card.seek(self.starts[partition])
+            return card.read(octets)
+
+    def write(self, partition, data):
+        with open(self.card, "r+b") as card:
+            card.seek(self.starts[partition])
+            card.write(data)
+
     def flight_record(self):
         """The lines that the board wrote to /data, after what a power-on does there: its journal is played."""
         data = self.folder / "data"
-        with open(self.card, "rb") as card, open(data, "wb") as out:
-            card.seek(self.starts[DATA])
-            shutil.copyfileobj(card, out)
+        data.write_bytes(self.read(DATA))
         subprocess.run(["e2fsck", "-fy", "-E", "journal_only", data], capture_output=True, check=False)  # 1: it was
         names = re.findall(r"[\w-]+\.jsonl", call("debugfs", "-R", "ls -p /odid/flights", data))
         assert len(names) == 1, names
@@ -173,6 +200,36 @@ def test_a_damaged_slot_gives_way_to_the_other_one(raspi):
     assert "odid.slot=b" in line and "root=PARTUUID=0d1d2024-07" in line
     assert "odid.fallback=slot-a-damaged" in line
     assert "odid: fault: slot: The boot loader took the other slot: slot a damaged." in text
+
+
+# A technician's command; the machine has neither a network nor USB to give it by.
+INSTALLS = """#!/bin/sh
+(
+	until [ -S /run/swupdate/swupdateprog ] && [ -e /run/odid-appliance/update.json ]; do sleep 1; done
+	sleep 2
+	odidctl update /data/test.swu
+	echo "test: odidctl update ended with $?"
+) </dev/null >/dev/kmsg 2>&1 &
+"""
+
+
+def test_an_update_is_installed(raspi):
+    slot, bundle = raspi.out / "images/slot.img", raspi.folder / "test.swu"
+    keys = os.environ.get("KEYS") or TOP / "build/keys"
+    call(TOP / "board/common/make-bundle.sh", slot, "cm4", "9.9.9", keys, bundle)
+    raspi.set_variables()
+    raspi.add("etc/init.d/S99install", INSTALLS)
+    raspi.put("test.swu", bundle)
+    raspi.write(SLOT_B, bytes(slot.stat().st_size))
+    text, _ = raspi.boot(["test: odidctl update ended with"])
+    assert "test: odidctl update ended with 0" in text, text[-6000:]
+    variables = raspi.variables()
+    assert (variables["slot"], variables["trial"], variables["upgrade_available"]) == ("a", "b", "1")
+    assert raspi.read(SLOT_B, slot.stat().st_size) == slot.read_bytes()
+    # The machine lacks the means to restart itself.
+    text, _ = raspi.boot(SERVICES)
+    line = command_line(text)
+    assert "odid.slot=b" in line and "odid.trial" in line and "odid.fallback" not in line
 
 
 def test_a_trial_without_radios_is_given_up(raspi):

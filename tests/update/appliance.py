@@ -93,9 +93,7 @@ class Appliance:
 
     def damage(self, partition, offset):
         """Overwrites a sector while power is off."""
-        start, _ = self.machine.disk._place(partition)
-        disks.call("qemu-io", "-f", "qcow2", "-c", f"write -P 0x5a {start + offset} {disks.SECTOR}",
-                   self.machine.disk.path)
+        self.machine.disk.fill(partition, 0x5a, offset, disks.SECTOR)
 
     # --- doing ---------------------------------------------------------------
 

@@ -12,6 +12,7 @@ from .test_trial import installed
 
 pytestmark = LONG
 
+DESCRIPTION_RATE = 100  # octets a second: description and signature take half a minute
 LONG_ENOUGH_S = 75      # longer than a trial lasts, and than the wait before a restart
 
 
@@ -53,6 +54,21 @@ def no_restart(appliance, seconds):
     while time.monotonic() < end:
         assert appliance.starts() == before
         time.sleep(1)
+
+
+def test_armed_while_it_is_checked(ready, logs):
+    """Before the gate is asked: the description is still coming in."""
+    bundle = bundles.bundle("good", NEWER)
+    written = ready.sectors_written()
+    ready.begin(bundle, rate=DESCRIPTION_RATE)
+    ready.wait_state("checking", timeout_s=10)
+    arm(ready, logs)
+    assert ready.ended()[0] == 1
+    result = ready.result()
+    assert result["outcome"] == "refused"
+    assert "armed" in result["sentence"]
+    assert ready.protected()
+    assert ready.sectors_written() == written
 
 
 @pytest.mark.parametrize("case", ["armed", "lost_while_armed", "supervisor_replaced"])

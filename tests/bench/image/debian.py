@@ -1,12 +1,19 @@
 """Debian's packages and sources for another machine, by an apt state of our own.
 
-Mirrors and proxies are those of this machine's own apt; signatures are checked as apt always does.
+Mirrors and proxies are those of this machine's own apt; signatures are checked as apt always does. What is
+fetched is kept for all checkouts in FETCHED (Makefile); what is there already is checked, and not fetched again.
 """
 
+import fcntl
 import os
 import re
+import shutil
+from pathlib import Path
 
-from .steps import BUILD, BuildError, call, sha256, step
+from .steps import BuildError, call, say, sha256, step
+
+FETCHED = Path(os.environ.get("FETCHED") or "build/fetched").absolute()
+DOWNLOADS = FETCHED / "downloads"
 
 KEYRING = "/usr/share/keyrings/debian-archive-keyring.gpg"
 RELEASE = "bookworm"
@@ -31,10 +38,10 @@ def mirrors():
 
 
 class Apt:
-    """apt-get and apt-cache for arm64, with everything they write in build/appliance/apt."""
+    """apt-get and apt-cache for arm64, with everything they write in FETCHED."""
 
     def __init__(self):
-        home = (BUILD / "apt").absolute()
+        home = FETCHED / "apt"
         for folder in ("state/lists/partial", "cache/archives/partial"):
             (home / folder).mkdir(parents=True, exist_ok=True)
         (home / "status").touch()
@@ -61,22 +68,31 @@ APT::Sandbox::User "";
 Acquire::Languages "none";
 Acquire::Retries "3";
 """, encoding="utf-8")
+        self.lists = home / "state/lists"
         self.environment = os.environ | {"APT_CONFIG": str(home / "apt.conf"), "LC_ALL": "C"}
 
     def call(self, *command, **options):
-        return call(*command, env=self.environment, **options)
+        with open(FETCHED / "lock", "w", encoding="utf-8") as alone:
+            fcntl.flock(alone, fcntl.LOCK_EX)       # another checkout's waits
+            return call(*command, env=self.environment, **options)
 
 
 @step
 def indexes(out, sources):
     """Debian's indexes fetched."""
     del sources                 # only names the result: other mirrors, other indexes
-    Apt().call("apt-get", "update", "--error-on=any", log=out / "log")
+    apt = Apt()
+    try:
+        apt.call("apt-get", "update", "--error-on=any", log=out / "log")
+    except BuildError as error:
+        if not list(apt.lists.glob("*_InRelease")):
+            raise
+        say(f"Debian's indexes can't be fetched, the ones of before are used ({str(error).splitlines()[-1]})")
 
 
 def fetched(fetch):
     """Indexes that are weeks old name files that mirrors no longer have: once more with new ones."""
-    (BUILD / "downloads").mkdir(exist_ok=True)
+    DOWNLOADS.mkdir(exist_ok=True)
     apt = Apt()
     try:
         return fetch(apt)
@@ -100,29 +116,29 @@ def packages(out, indexes, names):
         if len(files) != len(wanted):
             raise BuildError(f"apt named {len(files)} files for {len(wanted)} packages: {uris}")
         for file, hash_ in files:       # apt keeps one that is there and has the right size
-            path = BUILD / "downloads" / file
+            path = DOWNLOADS / file
             if path.exists() and sha256(path) != hash_:
                 path.unlink()
-        apt.call("apt-get", "download", *wanted, cwd=BUILD / "downloads")
+        apt.call("apt-get", "download", *wanted, cwd=DOWNLOADS)
         return [file for file, _ in files]
 
     for file in fetched(fetch):
-        (out / file).hardlink_to(BUILD / "downloads" / file)
+        shutil.copyfile(DOWNLOADS / file, out / file)
 
 
 @step
 def source(out, indexes, name, archive, wanted):
     """A source archive fetched."""
     del indexes
-    path = BUILD / "downloads" / archive
+    path = DOWNLOADS / archive
     if not path.exists() or sha256(path) != wanted:
         path.unlink(missing_ok=True)
         fetched(lambda apt: apt.call("apt-get", "source", "--download-only", "--tar-only",
-                                     "--only-source", name, cwd=BUILD / "downloads"))
+                                     "--only-source", name, cwd=DOWNLOADS))
     got = sha256(path) if path.exists() else "no such file"
     if got != wanted:
         raise BuildError(f"{archive}: sha256 expected {wanted}, got {got}")
-    (out / archive).hardlink_to(path)
+    shutil.copyfile(path, out / archive)
 
 
 @step
