@@ -95,8 +95,9 @@ debian:
 debian-tests: debian
 	@tests/setup/debian.sh debian-tests.txt
 
-# The stamps lie in what they stand for, and go with it.
-build/venv/stamp: tests/setup/python.sh tests/setup/requirements.txt | debian
+# The stamps lie in what they stand for, and go with it. The packages themselves may have gone with FETCHED.
+.PHONY: gone
+build/venv/stamp: tests/setup/python.sh tests/setup/requirements.txt $(if $(wildcard build/venv/bin/python3),,gone) | debian
 	@tests/setup/python.sh
 	@touch $@
 
