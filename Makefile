@@ -9,8 +9,7 @@ JOBS := $(shell nproc 2>/dev/null || echo 2)
 
 # What set-up and the bench fetch from Debian and PyPI is kept here: another checkout, and this one after
 # `make clean`, doesn't fetch it again, and needs no network.
-FETCHED ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/odid
-override FETCHED := $(abspath $(FETCHED))
+override FETCHED := $(abspath $(or $(FETCHED),$(or $(XDG_CACHE_HOME),$(HOME)/.cache)/odid))
 export FETCHED
 
 # Where the two foreign sources are; naming one of these replaces what set-up would fetch.

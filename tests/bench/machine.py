@@ -113,7 +113,7 @@ class Shell:
                 if time.monotonic() > deadline:
                     raise TimeoutError(f"no shell on the control console within {timeout_s} s") from None
         self.send(self.TAKE_OVER)
-        self._until(rb"BENCH: ready\r?\n", 20)
+        self._until(rb"BENCH: ready\r?\n", timeout_s)
 
     def _until(self, pattern, timeout_s):
         """What comes before the pattern, and its match."""

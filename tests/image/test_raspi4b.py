@@ -215,7 +215,9 @@ INSTALLS = """#!/bin/sh
 
 def test_an_update_is_installed(raspi):
     slot, bundle = raspi.out / "images/slot.img", raspi.folder / "test.swu"
-    keys = os.environ.get("KEYS") or TOP / "build/keys"
+    keys = Path(os.environ.get("KEYS") or TOP / "build/keys")
+    if not (keys / "signing.key").exists():
+        pytest.skip(f"the image's key to sign with isn't in {keys}")
     call(TOP / "board/common/make-bundle.sh", slot, "cm4", "9.9.9", keys, bundle)
     raspi.set_variables()
     raspi.add("etc/init.d/S99install", INSTALLS)

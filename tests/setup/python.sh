@@ -13,7 +13,7 @@ if ! "$python" -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))'; then
     exit 1
 fi
 
-# Named by what it is made of; nothing is ever written to it again.
+# Named by what it is made of. Of its programs only python3 is used: the others name the folder they were made in.
 packages=$FETCHED/python-$({ echo "$python" && cat "$here/requirements.txt"; } | sha256sum | cut -c -16)
 if [ ! -e "$packages" ]; then
     echo "set-up: Python packages into $packages"

@@ -12,6 +12,7 @@ import json
 import re
 import ssl
 import threading
+import time
 from pathlib import Path
 
 EXECUTIONS = {"closed", "proceeding", "canceled", "scheduled", "rejected", "resumed", "downloaded", "download"}
@@ -70,6 +71,7 @@ class HawkBit:
         self.polls = self.octets = 0        # octets: of both directions, above TCP and TLS
         self.attributes, self.feedback, self.violations, self.refused = {}, [], [], 0
         self.break_at, self.resumed_at = None, []       # octets of a bundle
+        self.pause_s = self.downloads = 0               # before a bundle comes, as over LTE; how often one was asked for
         outer = self
 
         class Handler(http.server.BaseHTTPRequestHandler):
@@ -178,6 +180,8 @@ class HawkBit:
 
     def _give_bundle(self, request):
         """All of it; or the rest, for a device whose connection broke."""
+        self.downloads += 1
+        time.sleep(self.pause_s)
         data, kind = self.bundle.read_bytes(), "application/octet-stream"
         part = re.fullmatch(r"bytes=(\d+)-", request.headers.get("Range", ""))
         if part:

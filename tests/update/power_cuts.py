@@ -3,9 +3,9 @@
 One course of the appliance is recorded, with every write and flush: first boot with a new file on CONFIG,
 a setting, an update from its first octet to its commit, one that fails its trial and is rolled back,
 another setting, one that is kept in the other slot. Then disks are made as a power cut at some instant
-would leave them (writes.py); each is booted, and has to be heard on every channel, with the version and
-the settings of before the cut or of after it; never with older ones than had been promised to whoever
-asked.
+would leave them (writes.py); each is booted, and has to be heard on every channel, with the version, the
+settings and the last update's result of before the cut or of after it; never with older ones than had been
+promised to whoever asked.
 
 What is done already isn't done again: build/update/power-cuts holds the record, and a line for each cut.
 A control run takes one protection out, and must fail:
@@ -39,9 +39,10 @@ FIRST, SECOND, THIRD = "From CONFIG", "Set by odidctl", "Set again"
 SETTINGS, SETTLED_S = 12, 6     # of the course without flushes; the file system writes by itself after 5 s
 VERSIONS = ("1.0.0", "2.0.0", "3.0.0")
 LONG_NAME, FIRST_CLUSTER = 0x0f, 26     # of an entry in a FAT directory: attributes; where a number is
-ON_AIR_S, TRIAL_S = 60, 60      # the trial's minute began when the first was waited for
+# Nothing that is judged is a matter of seconds. The trial's minute began when the first was waited for.
+ON_AIR_S, TRIAL_S = 120, 60
 HARMLESS_FAULTS = {"autopilot", "watchdog", "update"}    # the last one: an update was rolled back
-JOBS = 2        # machines at a time, with one processor each; nothing that is judged is a matter of seconds
+JOBS = 2        # machines at a time, with one processor each
 
 # --- the course ------------------------------------------------------------------
 
@@ -96,12 +97,14 @@ class Course:
             self.set(f"{SECOND} {number}", "LD_PRELOAD=/tmp/noflush.so")
             time.sleep(SETTLED_S)
 
-    def install(self, bundle, version):
+    def install(self, bundle, version, outcome):
         """Up to the first start of its slot."""
         one = self.appliance
         one.wait_ready()
         before, began = one.starts(), time.monotonic()
         self.may("version", version)
+        self.may("result", f"refused: {version}")       # broken off
+        self.may("result", f"{outcome}: {version}")
         got = one.install(bundle)
         if got.code:
             raise RuntimeError(got.output)
@@ -112,23 +115,25 @@ class Course:
     def update(self, version):
         one = self.appliance
         old = one.version()
-        self.install(bundles.bundle(f"v{version}", version), version)
+        self.install(bundles.bundle(f"v{version}", version), version, "installed")
         self.machine.wait_on_air(timeout_s=60)
         wait_for("the trial", lambda: one.state() == "trial", 60)
         wait_for("the commit", lambda: one.state() == "idle", 120)
         self.must("version", version)
+        self.must("result", f"installed: {version}")
         self.expect(version, {"outcome": "installed", "from": old, "to": version})
 
     def update_in_vain(self, version, failure):
         one = self.appliance
         old = one.version()
         self.may("fault", "slot")       # the boot loader says so, each time that it gives the new one up
-        starts = self.install(bundles.bundle(failure.name, version, failure.changes), version)
+        starts = self.install(bundles.bundle(failure.name, version, failure.changes), version, "rolled-back")
         if failure.itself:
             one.wait_restart(starts, 180)
         self.machine.wait_on_air(timeout_s=60)
         wait_for("the end", lambda: one.state() == "idle", 60)
         self.must("version", old)
+        self.must("result", f"rolled-back: {version}")
         self.must("fault", None)
         self.expect(old, {"outcome": "rolled-back", "from": old, "to": version})
 
@@ -143,6 +148,7 @@ class Course:
         self.must("version", bundles.running_version())
         self.may("description", "")
         self.may("description", FIRST)
+        self.may("result", "")
         self.machine.power_on()
         self.machine.wait_on_air(timeout_s=60)
         self.must("description", FIRST)
@@ -273,6 +279,7 @@ class Judge:
         return took, {
             "version": machine.must("cat /etc/odid/version").strip(),
             "description": machine.must("odidctl get self_id.description").strip(),
+            "result": self._result(),
             "faults": self._faults()}
 
     def _wait_on_air(self):
@@ -285,6 +292,11 @@ class Judge:
             self.appliance.wait_restart(1, TRIAL_S)
             self.machine.wait_on_air(timeout_s=ON_AIR_S)
 
+    def _result(self):
+        """What is said of the last update."""
+        found = self.appliance.result()
+        return f"{found['outcome']}: {found['to']}" if found else ""
+
     def _faults(self):
         """{name: text}; one may go while we look."""
         lines = self.machine.must("cd /run/faults; grep -s . * /dev/null || true").splitlines()
@@ -294,7 +306,7 @@ class Judge:
         under_way = len(writes.after(self.requests, boundary))
         harmless = HARMLESS_FAULTS | allowed(self.promises, "fault", boundary, under_way)
         wrong = [f"fault {name}: {text}" for name, text in found["faults"].items() if name not in harmless]
-        for what in ("version", "description"):
+        for what in ("version", "description", "result"):
             values = allowed(self.promises, what, boundary, under_way)
             if found[what] not in values:
                 wrong.append(f"{what} is {found[what]!r}, expected one of {sorted(values)}")
@@ -335,7 +347,9 @@ def run(count, seed, control, short=False, afresh=False):
         if cut.number not in done:
             work.put(cut)
     left = work.qsize()
-    print(f"{len(done)} cuts of {count} are done, {len(writes.boundaries(requests))} flushes in the record", flush=True)
+    flushes = len(writes.boundaries(requests))
+    print(f"{len(done)} cuts of {count} are done, {flushes} flushes in the record"
+          f"{'' if control or flushes <= count else ': not each of them is cut at'}", flush=True)
     judges = [threading.Thread(target=judge_all, args=(folder, number, work, results))
               for number in range(min(JOBS, left))]
     for one in judges:

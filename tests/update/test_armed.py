@@ -57,16 +57,17 @@ def no_restart(appliance, seconds):
 
 
 def test_armed_while_it_is_checked(ready, logs):
-    """Before the gate is asked: the description is still coming in."""
+    """The description is still coming in; then the gate refuses it."""
     bundle = bundles.bundle("good", NEWER)
     written = ready.sectors_written()
     ready.begin(bundle, rate=DESCRIPTION_RATE)
     ready.wait_state("checking", timeout_s=10)
     arm(ready, logs)
+    assert ready.state() == "checking"
     assert ready.ended()[0] == 1
     result = ready.result()
     assert result["outcome"] == "refused"
-    assert "armed" in result["sentence"]
+    assert "disarm it first" in result["sentence"]
     assert ready.protected()
     assert ready.sectors_written() == written
 

@@ -3,7 +3,7 @@
 import pytest
 from bench.machine import configuration
 
-from . import LONG, bundles, figures
+from . import LONG, autopilot, bundles, figures
 from .appliance import wait_for
 from .bundles import NEWER, NO_BLUETOOTH
 from .hawkbit import HawkBit
@@ -84,4 +84,19 @@ def test_one_that_is_refused_is_reported(ready, server):
     assert any("signature" in line.lower() or "image invalid" in line.lower() for _, one in server.feedback
                for line in one["status"].get("details", []))
     assert ready.result()["outcome"] == "refused"
+    assert not server.violations
+
+
+def test_one_that_comes_in_the_air_is_refused_once(ready, server, tmp_path):
+    """Over a slow connection: SWUpdate isn't ended for it, else it would ask for the bundle again for the whole flight."""
+    ready.machine.play(autopilot.generate(tmp_path, armed=True))
+    wait_for("armed", ready.armed, 30)
+    before = ready.machine.must("cat /run/pid/swupdate"), ready.starts(), ready.sectors_written()
+    server.pause_s = 5
+    server.offer(23, bundles.bundle("good", NEWER), NEWER)
+    wait_for("the report", lambda: server.outcome(23), 120)
+    assert server.outcome(23) == "failure"
+    assert server.downloads == 1
+    assert "disarm it first" in ready.result()["sentence"]
+    assert (ready.machine.must("cat /run/pid/swupdate"), ready.starts(), ready.sectors_written()) == before
     assert not server.violations

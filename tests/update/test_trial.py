@@ -22,14 +22,15 @@ GIVEN_UP_S = {"no_kernel": 90, "kernel_panics": 90, "init_hangs": 150, "not_judg
 HANGS = b"#!/bin/sh\nwhile :; do sleep 1000; done\n"
 CRASHES = b"#!/bin/sh\nsleep 1\nkill -SEGV $$\n"
 
+KERNEL_PANICS = Failure("kernel_panics", {"sbin/init": None, "bin/init": None, "etc/init": None, "bin/sh": None},
+                        "three starts", False)
 FAILURES = (
     NO_BLUETOOTH,
     Failure("daemon_crashes", {"usr/sbin/odid-daemon": CRASHES}, "daemon"),
     Failure("radio_configuration", {"etc/hostapd/hostapd.conf.in": b"interface=@INTERFACE@\nnonsense=1\n"},
             "Wi-Fi.*isn't on the air"),
     Failure("a_service", {"usr/sbin/dropbear": None, "etc/sv/syslogd/run": b"#!/bin/sh\nexit 1\n"}, "service syslogd"),
-    Failure("kernel_panics", {"sbin/init": None, "bin/init": None, "etc/init": None, "bin/sh": None},
-            "three starts", False),
+    KERNEL_PANICS,
     Failure("init_hangs", {"sbin/init": HANGS}, "three starts", False),
     # Nobody judges the slot: it restarts after two minutes, three times.
     Failure("not_judged", {"usr/sbin/odid-update": None}, "three starts", False),
@@ -57,6 +58,7 @@ def test_one_that_does_what_the_old_one_did_is_kept(ready):
     machine = ready.machine
     machine.must("odidctl set self_id.description Kept", 30)
     machine.wait_on_air()
+    kept = ready.kept()
     began = installed(ready, bundles.bundle("good", NEWER))
     machine.wait_shell()
     machine.wait_on_air(timeout_s=60)
@@ -81,6 +83,7 @@ def test_one_that_does_what_the_old_one_did_is_kept(ready):
     assert (result["from"], result["to"]) == (bundles.running_version(), NEWER)
     assert "update in progress" not in machine.must("odidctl status; true")
     assert machine.must("odidctl get self_id.description").strip() == "Kept"
+    assert ready.kept() == kept
 
     # And back to an older one, which nobody forbade; the settings stay.
     installed(ready, bundles.bundle("older", OLDER))
@@ -92,6 +95,7 @@ def test_one_that_does_what_the_old_one_did_is_kept(ready):
     assert ready.variables()["slot"] == "a"
     assert ready.result()["to"] == OLDER
     assert machine.must("odidctl get self_id.description").strip() == "Kept"
+    assert ready.kept() == kept
     machine.cut_power()
     machine.power_on()
     assert ready.slot() == "a"
@@ -102,7 +106,7 @@ def test_one_that_does_what_the_old_one_did_is_kept(ready):
 def test_one_that_fails_is_given_up_without_a_hand_on_it(ready, failure):
     machine = ready.machine
     bundle = bundles.bundle(failure.name, NEWER, failure.changes)
-    before = ready.starts()
+    before, kept = ready.starts(), ready.kept()
     began = installed(ready, bundle)
     if failure.itself:
         machine.wait_shell()
@@ -135,6 +139,7 @@ def test_one_that_fails_is_given_up_without_a_hand_on_it(ready, failure):
     assert result["sentence"] in machine.must("odidctl update")
     variables = ready.variables()
     assert (variables["slot"], variables["upgrade_available"]) == ("a", "0")
+    assert ready.kept() == kept
     # The next power-on doesn't try it again.
     machine.cut_power()
     machine.power_on()
@@ -169,6 +174,22 @@ def test_switched_off_ten_times_on_trial(ready):
     ready.wait_state("trial")
     ready.wait_state("idle")
     assert ready.result()["outcome"] == "installed"
+
+
+def test_a_committed_slot_that_panics_gives_way(ready):
+    """Three times before init; it is reported, and tried again at the next power-on."""
+    machine = ready.machine
+    machine.cut_power()
+    machine.disk.write(disks.SLOT_A, bundles.slot("kernel_panics", KERNEL_PANICS.changes))
+    machine.power_on(wait=False)
+    wait_for("the other slot", lambda: "odid.slot=b odid.fallback=slot-a-restarted-three-times" in machine.console_text(),
+             GIVEN_UP_S["kernel_panics"])
+    machine.wait_shell()
+    machine.wait_on_air(timeout_s=60)
+    assert "slot a restarted three times" in machine.must("cat /run/faults/slot")
+    assert "slot a restarted three times" in machine.must("odidctl status; true")
+    variables = ready.variables()
+    assert (variables["slot"], variables.get("upgrade_available", "0")) == ("a", "0")
 
 
 @pytest.mark.parametrize("where", ["kernel", "superblock"])

@@ -176,7 +176,6 @@ enum update_wish update_tick(struct update *update, const struct update_board *b
         passed_us = PASSED_MAX_US;
     }
     switch (update->state) {
-    case UPDATE_CHECKING:
     case UPDATE_INSTALLING:
         update->stopped = update->stopped || board->armed;
         return update->stopped ? UPDATE_STOP : UPDATE_NOTHING;

@@ -5,6 +5,7 @@ fetched is kept for all checkouts in FETCHED (Makefile); what is there already i
 """
 
 import fcntl
+import functools
 import os
 import re
 import shutil
@@ -72,12 +73,22 @@ Acquire::Retries "3";
         self.environment = os.environ | {"APT_CONFIG": str(home / "apt.conf"), "LC_ALL": "C"}
 
     def call(self, *command, **options):
-        with open(FETCHED / "lock", "w", encoding="utf-8") as alone:
-            fcntl.flock(alone, fcntl.LOCK_EX)       # another checkout's waits
-            return call(*command, env=self.environment, **options)
+        return call(*command, env=self.environment, **options)
+
+
+def alone(fetch):
+    """Another checkout waits meanwhile."""
+    @functools.wraps(fetch)
+    def locked(*arguments):
+        DOWNLOADS.mkdir(parents=True, exist_ok=True)
+        with open(FETCHED / "lock", "w", encoding="utf-8") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            fetch(*arguments)
+    return locked
 
 
 @step
+@alone
 def indexes(out, sources):
     """Debian's indexes fetched."""
     del sources                 # only names the result: other mirrors, other indexes
@@ -92,7 +103,6 @@ def indexes(out, sources):
 
 def fetched(fetch):
     """Indexes that are weeks old name files that mirrors no longer have: once more with new ones."""
-    DOWNLOADS.mkdir(exist_ok=True)
     apt = Apt()
     try:
         return fetch(apt)
@@ -102,6 +112,7 @@ def fetched(fetch):
 
 
 @step
+@alone
 def packages(out, indexes, names):
     """Debian's arm64 packages fetched."""
     del indexes
@@ -127,6 +138,7 @@ def packages(out, indexes, names):
 
 
 @step
+@alone
 def source(out, indexes, name, archive, wanted):
     """A source archive fetched."""
     del indexes
