@@ -3,6 +3,8 @@ old configuration or the new one, whole. And what only some cut out of hundreds 
 
 import os
 import random
+import re
+import struct
 import time
 
 from . import disk
@@ -60,3 +62,24 @@ def test_half_a_superblock(make_machine):
     assert {data[4:27].rstrip(b"\0").decode() for data in heard if data[2] >> 4 == SELF_ID} == {description(1)}
     assert machine.run("ls /run/faults | grep -v -e autopilot -e watchdog").output == ""
     assert "ext4 rw" in machine.must("grep ' /data ' /proc/mounts")
+
+
+def test_config_in_disorder(make_machine):
+    """A cut while the password was written to CONFIG: a file whose clusters are free. The volume stays writable."""
+    machine = make_machine("disorder")
+    torn = ".maintenance-password.txt.new"
+    machine.disk.put_config({torn: "A password that never was."})
+    volume = machine.folder / "config"
+    machine.disk.read(disk.CONFIG, volume)
+    cluster = int(re.search(r"<(\d+)>", disk.call("mshowfat", "-i", volume, f"::{torn}"))[1])
+    with open(volume, "r+b") as file:
+        reserved, tables, table = struct.unpack("<14xHB5xH", file.read(24))
+        for number in range(tables):
+            file.seek((reserved + number * table) * disk.SECTOR + 2 * cluster)
+            file.write(bytes(2))
+    machine.disk.write(disk.CONFIG, volume)
+    machine.power_on()
+    machine.wait_on_air()
+    assert "config" not in machine.must("ls /run/faults")
+    machine.cut_power()
+    assert b"assword" in machine.disk.read_config("maintenance-password.txt")
