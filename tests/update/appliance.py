@@ -83,8 +83,9 @@ class Appliance:
 
     def kept(self):
         """What is on /data: lines of sha256sum; without the update's own notes, and what is written at any time."""
+        self.machine.wait_inside("the late host key", "[ -e /data/ssh/dropbear_ed25519_host_key ]", 60)
         return set(self.machine.must("cd /data; find . -type f ! -name update.json ! -name trial.json ! -path './odid/flights*' "
-                                 "! -path ./clock -exec sha256sum '{}' +").splitlines())
+                                     "! -path ./clock -exec sha256sum '{}' +").splitlines())
 
     def sectors_written(self, number=7):
         return int(self.machine.must(f"cat /sys/class/block/vda{number}/stat").split()[6])
