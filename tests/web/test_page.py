@@ -10,11 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from .appliance import PASSWORD, recorded
+from .appliance import PASSWORD, ROOT, recorded
 from .browser import LAPTOP, PHONE, Browser
 
 PICTURES = os.environ.get("ODID_PICTURES")
-TOP = Path(__file__).resolve().parents[2]
 TOTALS = ('{"t":1900.0,"event":"totals","armed_since":null,"armed_s":1500.0,"faults":0,"armed_faults":0,"restarts":0,'
           '"armed_fault_s":{},"channels":{"bt4":%s,"wifi":%s}}\n')
 HEARD = '{"required":true,"first":3.9,"heard":1900.0,"silent_s":0.0,"longest_gap_s":0.0,"gaps":0,"open_gap_s":0.0}'
@@ -23,8 +22,8 @@ SILENT = '{"required":true,"first":4.4,"heard":1900.0,"silent_s":7.2,"longest_ga
 
 def refusals():
     """Every sentence that the appliance has for a bundle it doesn't take, with something for its variables."""
-    gate = re.findall(r'refuse "([^"]+)"', (TOP / "overlay/lib/odid/update-gate").read_text())
-    installer = re.findall(r'\{"[^"]+", "([^"]+)"\}', (TOP / "package/odid-daemon/src/update_installer.c").read_text())
+    gate = re.findall(r'refuse "([^"]+)"', (ROOT / "overlay/lib/odid/update-gate").read_text())
+    installer = re.findall(r'\{"[^"]+", "([^"]+)"\}', (ROOT / "package/odid-daemon/src/update_installer.c").read_text())
     return [f"The update was refused: {re.sub(r'[$]{.+?}|[$][a-z_]+|%s', '1.3.0', sentence)}"
             for sentence in dict.fromkeys(gate + installer)]
 
