@@ -342,6 +342,15 @@ def test_what_was_rolled_back_is_not_tried_again_whatever_came_since(stick):
     assert stick("1.11.1")[1] == ["odidctl update /run/stick/1.11.1.swu"]
 
 
+def test_what_the_boot_loader_has_just_given_up_is_waited_for(stick):
+    """The service update writes it down some seconds after the stick was found."""
+    (stick.appliance.root / "run/odid-appliance/update.json").unlink()
+    stick.appliance.must("(sleep 1; mkdir -p /data/odid; echo 1.11.0 >/data/odid/rolled-back; "
+                         "echo '{}' >/run/odid-appliance/update.json) >/dev/null 2>&1 &")
+    said, calls = stick("1.11.0")
+    assert "was rolled back" in said and calls == []
+
+
 def test_nothing_is_installed_from_a_stick_that_could_not_be_remembered(stick):
     stick.appliance.write("run/faults/data", "/data is full.\n")
     said, calls = stick("1.11.0")
@@ -353,6 +362,24 @@ def test_a_stick_is_mounted_by_its_type(stick, kind):
     """Then the kernel loads the driver, which isn't there before."""
     stick("1.11.0", kind=kind)
     assert stick.appliance.calls()[0] == f"mount -t {kind} -o ro,nosuid,nodev,noexec /dev/sda1 /run/stick"
+
+
+# --- settings -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("url, told", [("http://here", []), ("http://there", ["sv term swupdate"]), ("", ["sv term swupdate"])])
+def test_another_hawkbit_counts_when_no_update_is_going_on(appliance, url, told):
+    appliance.write("etc/odid/version", "1.10.0\n")
+    appliance.write("lib/odid/board-settings", "#!/bin/sh\n")  # the boot loader's aren't here
+    for name, text in (("hardware", "odid-qemu\n"), ("slot", "a\n"), ("update.json", '{ "state": "installing" }\n')):
+        appliance.write(f"run/odid-appliance/{name}", text)
+    appliance.settings(update__hawkbit_url="http://here", update__hawkbit_tenant="", update__hawkbit_id="me", basic_id__uas_id="")
+    appliance.must("/lib/odid/update-hawkbit >/run/swupdate.hawkbit")
+    appliance.settings(update__hawkbit_url=url, update__hawkbit_tenant="", update__hawkbit_id="me", basic_id__uas_id="")
+    appliance.must("(sleep 1; grep -c swupdate /calls >/early; echo '{ \"state\": \"idle\" }' >/run/odid-appliance/update.json) "
+                   ">/dev/null 2>&1 & /lib/odid/apply-configuration")
+    time.sleep(3.5)
+    assert [call for call in appliance.calls() if "swupdate" in call] == told and appliance.read("early") == "0\n"
 
 
 # --- services -----------------------------------------------------------------------

@@ -131,7 +131,8 @@ def test_refused_before_anything_is_written(grounded, refusal):
 def accepted(appliance, bundle):
     """Is it installed? Nobody restarts the board for it, and afterwards it is as before."""
     machine = appliance.machine
-    machine.must("sv down update; sleep 1")
+    # The gate asks for it.
+    machine.must("""sv down update; sleep 1; echo '{ "state": "checking" }' >/run/odid-appliance/update.json""")
     try:
         appliance.begin(bundle)
         try:
@@ -254,6 +255,34 @@ def test_refused_as_soon_as_swupdate_is_there(grounded):
                           "odidctl update /tmp/noise.swu", 60)
         assert got.code == 1, got.output
         assert "no bundle" in got.output or "no whole bundle" in got.output
+
+
+def test_not_while_nobody_watches(grounded):
+    """Else the autopilot isn't told, and it would be written on when armed."""
+    machine = grounded.machine
+    before = untouched(grounded)
+    machine.must("sv down update; sleep 1; rm -f /run/odid-appliance/update-refused")
+    try:
+        assert grounded.install(good()).code == 1
+        assert "service update doesn't answer" in machine.must("cat /run/odid-appliance/update-refused")
+        assert untouched(grounded) == before and grounded.protected()
+    finally:
+        machine.must("sv up update; sleep 1")
+        grounded.wait_ready()
+
+
+@LONG
+def test_a_newer_one_is_no_downgrade(grounded):
+    """1.10 is newer than 1.9; one that is the same isn't older."""
+    machine = grounded.machine
+    prevent_downgrade(machine)
+    machine.must("echo 1.9.0 >/tmp/version; mount --bind /tmp/version /etc/odid/version")
+    try:
+        for version in ("1.10.0", "1.9.0"):
+            assert accepted(grounded, bundles.bundle("newer", version)), version
+    finally:
+        machine.must("umount /etc/odid/version")
+        allow_downgrade(machine)
 
 
 # variable, its value: what U-Boot's environment has then; check: the gate's lines for it.

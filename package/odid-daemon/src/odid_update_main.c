@@ -40,6 +40,11 @@
 #define REFUSED STATE "/update-refused"
 /* Not empty where hawkBit is asked for updates. */
 #define HAWKBIT "/run/swupdate.hawkbit"
+/* What is asked for now: the technician's way in (/etc/sv/maintenance/run); and over our restart.
+ */
+#define MAINTENANCE STATE "/maintenance-asked"
+#define MAINTENANCE_AGAIN DATA "/odid/maintenance-asked"
+#define CONFIGURATION DATA "/odid/odid.conf"
 #define SECOND_US 1000000
 
 static struct {
@@ -47,10 +52,13 @@ static struct {
     struct update_record record;
     struct update_expectation expectation;
     struct update_variables variables;
-    char running, other; /* slots */
+    struct stat configuration; /* in a trial: the file, when it was looked at last */
+    char running, other;       /* slots */
     char version[UPDATE_VERSION_SIZE];
     bool time_known;
     bool beside; /* a bundle came while another update isn't decided: the gate refuses it */
+    char reason[UPDATE_SENTENCE_SIZE]; /* why it was rolled back, until the restart; or "" */
+    bool overwritten;                  /* a bundle was refused since, and that is the last result */
     struct loop_timer tick;
     struct loop_watch signals;
 } self;
@@ -170,7 +178,37 @@ static struct json_object *ask(struct update_board *board)
     return status;
 }
 
-static void look(struct update_board *board)
+static void write_record(void)
+{
+    complain("what worked before the update can't be kept",
+             update_write_record(DATA, &self.record));
+}
+
+/* Adds the channels on the air to the record; false: it has them already. */
+static bool take_channels(struct json_object *status)
+{
+    unsigned channels = self.record.channels | update_channels_on_air(status);
+
+    if (status == NULL || (self.record.channels_known && channels == self.record.channels)) {
+        return false;
+    }
+    self.record.channels_known = true;
+    self.record.channels = channels;
+    return true;
+}
+
+/* Whoever saves settings restarts what they concern: that says nothing against the new version. */
+static bool configuration_changed(void)
+{
+    struct stat before = self.configuration;
+
+    return stat(CONFIGURATION, &self.configuration) == 0 && before.st_ino != 0 &&
+           (self.configuration.st_ino != before.st_ino ||
+            self.configuration.st_mtim.tv_sec != before.st_mtim.tv_sec ||
+            self.configuration.st_mtim.tv_nsec != before.st_mtim.tv_nsec);
+}
+
+static void look(struct update_board *board, int64_t now_us)
 {
     struct json_object *status = ask(board);
 
@@ -178,10 +216,15 @@ static void look(struct update_board *board)
         struct update_services services;
 
         update_services_read(&services, SERVICES);
-        if (self.expectation.channels == 0) {
+        if (!self.record.channels_known) {
             self.expectation.channels = update_channels_required(status);
         }
+        if (configuration_changed()) {
+            update_try(&self.update, self.version, now_us);
+        }
         update_judge(&self.expectation, status, &services, board);
+    } else if (self.update.state == UPDATE_INSTALLING && take_channels(status)) {
+        write_record(); /* a channel that wasn't up yet when the install began */
     }
     json_object_put(status);
 }
@@ -212,15 +255,17 @@ static void commit(int64_t now_us)
     }
 }
 
-static void roll_back(int64_t now_us)
+static void keep_reason(void)
+{
+    keep(UPDATE_BACK, self.version, "Version %s was rolled back: %s", self.version, self.reason);
+    self.overwritten = false;
+}
+
+static void give_up(int64_t now_us)
 {
     struct update_variables variables = {.slot = self.other, .trial_failed = self.running};
-    int result;
+    int result = update_variables_write(ENVIRONMENT_CONFIG, &variables, UPDATE_REPORT_FAILED);
 
-    /* The reason first: power may fail now. */
-    keep(UPDATE_BACK, self.version, "Version %s was rolled back: %s", self.version,
-         self.update.sentence);
-    result = update_variables_write(ENVIRONMENT_CONFIG, &variables, UPDATE_REPORT_FAILED);
     if (result < 0) {
         complain("the slot can't be given up", result);
         return;
@@ -229,9 +274,23 @@ static void roll_back(int64_t now_us)
     update_rolled_back(&self.update, now_us);
 }
 
+static void roll_back(int64_t now_us)
+{
+    snprintf(self.reason, sizeof(self.reason), "%s", self.update.sentence);
+    keep_reason(); /* first: power may fail now (was_given_up) */
+    give_up(now_us);
+}
+
 static void restart_board(void)
 {
     log_info("update: the board restarts");
+    if (self.overwritten) {
+        keep_reason();
+    }
+    if (access(MAINTENANCE, F_OK) == 0) {
+        complain("maintenance can't be kept over the restart",
+                 whole_file_replace(MAINTENANCE_AGAIN, "", 0, 0644));
+    }
     sync();
     kill(1, SIGTERM); /* init's order to restart */
 }
@@ -241,7 +300,7 @@ static void act(int64_t now_us)
     struct update_board board;
     enum update_state before = self.update.state;
 
-    look(&board);
+    look(&board, now_us);
     switch (update_tick(&self.update, &board, now_us)) {
     case UPDATE_STOP:
         end_installer();
@@ -314,11 +373,10 @@ static void begin_record(void)
     self.record.slot = self.other;
     snprintf(self.record.from, sizeof(self.record.from), "%s", self.version);
     snprintf(self.record.to, sizeof(self.record.to), "%s", self.update.version);
-    self.record.channels = update_channels_on_air(status);
+    take_channels(status);
     update_services_read(&self.record.services, SERVICES);
     json_object_put(status);
-    complain("what worked before the update can't be kept",
-             update_write_record(DATA, &self.record));
+    write_record();
 }
 
 static void on_progress(int percent, int64_t now_us)
@@ -374,6 +432,7 @@ static void on_ends(const char *why, int64_t now_us)
     if (is_beside(now_us)) {
         refuse(why, "");
         self.beside = false;
+        self.overwritten = self.reason[0] != '\0';
         return;
     }
     protect(true);
@@ -411,18 +470,33 @@ static void settle(enum update_report report)
     complain("U-Boot's variables can't be settled", result);
 }
 
-/* What the boot loader and an earlier process left behind. */
-static void resume(int64_t now_us)
+/* Power may have failed between the reason and U-Boot's variables. */
+static bool was_given_up(void)
+{
+    char version[UPDATE_VERSION_SIZE];
+
+    read_line(DATA "/" UPDATE_BACK_FILE, version, sizeof(version));
+    return strcmp(version, self.version) == 0;
+}
+
+/* What the boot loader and an earlier process left behind. first: since power-on; later the
+ * kernel's command line is an old story, and an install may be going on. */
+static void resume(bool first, int64_t now_us)
 {
     const struct update_variables *variables = &self.variables;
     bool recorded = update_read_record(DATA, &self.record) == 0;
-    char fallback[128];
+    char fallback[128] = "";
 
-    kernel_word("odid.fallback=", fallback, sizeof(fallback));
+    if (first) {
+        kernel_word("odid.fallback=", fallback, sizeof(fallback));
+    }
     if (is_trial(variables, self.running)) {
         self.expectation.channels = self.record.channels;
         self.expectation.wanted = self.record.services;
         update_try(&self.update, self.version, now_us);
+        if (!recorded && was_given_up()) {
+            give_up(now_us);
+        }
     } else if (is_trial(variables, self.other) && fallback[0] == '\0') {
         update_version(&self.update, self.record.to); /* installed, not restarted yet */
         update_installed(&self.update, now_us);
@@ -434,7 +508,7 @@ static void resume(int64_t now_us)
     } else {
         if (recorded && self.record.slot == self.running) {
             keep(UPDATE_INSTALLED, self.version, "Version %s is installed.", self.version);
-        } else if (recorded) {
+        } else if (recorded && first) {
             keep(UPDATE_REFUSED, self.record.to,
                  "The update was broken off, by power or a restart; nothing has changed.");
         }
@@ -468,7 +542,7 @@ static bool find_environment(void)
     return result == 0;
 }
 
-static bool start(int64_t now_us)
+static bool start(bool first, int64_t now_us)
 {
     char line[16];
 
@@ -484,7 +558,7 @@ static bool start(int64_t now_us)
     if (!find_environment()) {
         return false;
     }
-    resume(now_us);
+    resume(first, now_us);
     show();
     return true;
 }
@@ -512,7 +586,7 @@ int main(void)
         log_error("can't begin: %s", strerror(-result));
         return EXIT_FAILURE;
     }
-    if (!start(loop_now_us())) {
+    if (!start(first, loop_now_us())) {
         return EXIT_FAILURE;
     }
     loop_timer_init(&self.tick, on_tick, NULL);

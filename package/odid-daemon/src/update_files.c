@@ -102,7 +102,7 @@ int update_write_record(const char *data, const struct update_record *record)
     add(object, "slot", text(slot));
     add(object, "from", text(record->from));
     add(object, "to", text(record->to));
-    add(object, "channels", number((int)record->channels));
+    add(object, "channels", number(record->channels_known ? (int)record->channels : -1));
     for (unsigned i = 0; i < record->services.count; i++) {
         if (record->services.service[i].pid != 0) {
             json_object_array_add(services, text(record->services.service[i].name));
@@ -139,7 +139,7 @@ static void take_services(struct json_object *array, struct update_services *ser
 int update_read_record(const char *data, struct update_record *record)
 {
     char path[PATH_SIZE], slot[2], *content;
-    struct json_object *object;
+    struct json_object *object, *channels;
     size_t length;
 
     memset(record, 0, sizeof(*record));
@@ -158,7 +158,9 @@ int update_read_record(const char *data, struct update_record *record)
     record->slot = slot[0];
     take_text(object, "from", record->from, sizeof(record->from));
     take_text(object, "to", record->to, sizeof(record->to));
-    record->channels = (unsigned)json_object_get_int(json_object_object_get(object, "channels"));
+    channels = json_object_object_get(object, "channels");
+    record->channels_known = channels != NULL;
+    record->channels = (unsigned)json_object_get_int(channels);
     take_services(json_object_object_get(object, "services"), &record->services);
     json_object_put(object);
     return 0;

@@ -27,6 +27,7 @@ struct update_result {
 struct update_record {
     char slot; /* 'a' or 'b': the new one */
     char from[UPDATE_VERSION_SIZE], to[UPDATE_VERSION_SIZE];
+    bool channels_known;             /* the daemon said something of them */
     unsigned channels;               /* that were on the air, 1 << channel */
     struct update_services services; /* that ran */
 };

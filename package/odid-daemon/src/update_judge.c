@@ -56,13 +56,22 @@ unsigned update_channels_required(struct json_object *status)
 
 /* ---- services ---- */
 
-/* The autopilot's; and there is a file "down" for those that only start when they are told to. */
+static bool begins_with(const char *name, const char *prefix)
+{
+    return strncmp(name, prefix, strlen(prefix)) == 0;
+}
+
+/*
+ * The autopilot's; a network adapter's that was plugged in (udhcpc-eth1); and there is a file
+ * "down" for those that only start when they are told to.
+ */
 static bool comes_and_goes(const char *directory, const char *name)
 {
     char path[PATH_SIZE];
 
     snprintf(path, sizeof(path), "%s/%s/down", directory, name);
-    return strcmp(name, "mavlink-router") == 0 || access(path, F_OK) == 0;
+    return strcmp(name, "mavlink-router") == 0 || begins_with(name, "udhcpc-") ||
+           begins_with(name, "udhcpd-") || access(path, F_OK) == 0;
 }
 
 static int read_pid(const char *directory, const char *name)
@@ -103,15 +112,14 @@ void update_services_read(struct update_services *services, const char *director
     free(entries);
 }
 
-/* 0: doesn't run, or isn't there. */
-static int pid_of(const struct update_services *services, const char *name)
+static const struct update_service *find(const struct update_services *services, const char *name)
 {
     for (unsigned i = 0; i < services->count; i++) {
         if (strcmp(services->service[i].name, name) == 0) {
-            return services->service[i].pid;
+            return &services->service[i];
         }
     }
-    return 0;
+    return NULL;
 }
 
 /* ---- both ---- */
@@ -165,15 +173,19 @@ static bool judge_services(struct update_expectation *expectation,
                            const struct update_services *now, struct update_board *board)
 {
     for (unsigned i = 0; i < expectation->wanted.count; i++) {
-        const struct update_service *wanted = &expectation->wanted.service[i];
-        int pid = pid_of(now, wanted->name), before = pid_of(&expectation->before, wanted->name);
+        const char *name = expectation->wanted.service[i].name;
+        const struct update_service *here = find(now, name),
+                                    *before = find(&expectation->before, name);
 
-        if (wanted->pid != 0 && pid == 0) {
-            return complain(board, "The service %s doesn't run, as it did before the update.",
-                            wanted->name);
+        if (expectation->wanted.service[i].pid == 0 || here == NULL) {
+            continue; /* it didn't run before, or this version has no such service */
         }
-        if (wanted->pid != 0 && before != 0 && pid != before) {
-            return complain(board, "The service %s keeps ending.", wanted->name);
+        if (here->pid == 0) {
+            return complain(board, "The service %s doesn't run, as it did before the update.",
+                            name);
+        }
+        if (before != NULL && before->pid != 0 && here->pid != before->pid) {
+            return complain(board, "The service %s keeps ending.", name);
         }
     }
     return true;

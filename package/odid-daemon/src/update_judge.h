@@ -36,16 +36,16 @@ struct update_services {
 
 /*
  * Reads who runs in directory (/run/service), without those that come and go by
- * themselves: with the autopilot, or with maintenance.
+ * themselves: with the autopilot, with a network adapter, or with maintenance.
  */
 void update_services_read(struct update_services *services, const char *directory);
 
 /* ---- both ---- */
 
 /*
- * Sets well and complaint. wanted: channels, and services by name; before: who
- * ran when this was called last, is brought up to date. A service or a daemon
- * that was started again since then is not well.
+ * Sets well and complaint. wanted: channels, and services by name, of which a version that hasn't
+ * got one isn't asked for it; before: who ran when this was called last, is brought up to date. A
+ * service or a daemon that was started again since then is not well.
  */
 struct update_expectation {
     unsigned channels;

@@ -156,6 +156,8 @@ static void services_that_ran_have_to_run(void **state)
     write_text("service/udhcpd/supervise/pid", "140\n");
     write_text("service/udhcpd/down", "");
     write_text("service/.hidden/supervise/pid", "150\n");
+    write_text("service/udhcpc-eth1/supervise/pid", "160\n"); /* goes with its adapter */
+    write_text("service/udhcpd-gadget0/supervise/pid", "170\n");
     {
         char path[64];
 
@@ -181,6 +183,9 @@ static void services_that_ran_have_to_run(void **state)
     update_judge(&expectation, object, &now, &board);
     assert_string_equal(board.complaint, "The service hostapd keeps ending.");
     now.service[0].pid = 300; /* one that didn't run before may */
+    update_judge(&expectation, object, &now, &board);
+    assert_true(board.well);
+    now.count = 1; /* this version has no hostapd */
     update_judge(&expectation, object, &now, &board);
     assert_true(board.well);
     json_object_put(object);
@@ -250,7 +255,11 @@ static void what_was_rolled_back_is_remembered_until_one_is_installed(void **sta
 
 static void a_record_over_the_restart(void **state)
 {
-    struct update_record in = {.slot = 'b', .from = "1.0.0", .to = "1.2.0", .channels = BT4 | WIFI},
+    struct update_record in = {.slot = 'b',
+                               .from = "1.0.0",
+                               .to = "1.2.0",
+                               .channels_known = true,
+                               .channels = BT4 | WIFI},
                          out;
 
     (void)state;
@@ -264,10 +273,19 @@ static void a_record_over_the_restart(void **state)
     assert_int_equal(out.slot, 'b');
     assert_string_equal(out.from, "1.0.0");
     assert_string_equal(out.to, "1.2.0");
+    assert_true(out.channels_known);
     assert_int_equal(out.channels, BT4 | WIFI);
     assert_int_equal(out.services.count, 1);
     assert_string_equal(out.services.service[0].name, "hostapd");
     assert_int_not_equal(out.services.service[0].pid, 0);
+    in.channels = 0; /* none was on the air; or nobody said so */
+    for (int known = 0; known < 2; known++) {
+        in.channels_known = known;
+        assert_int_equal(update_write_record(folder, &in), 0);
+        assert_int_equal(update_read_record(folder, &out), 0);
+        assert_int_equal(out.channels_known, known);
+        assert_int_equal(out.channels, 0);
+    }
     assert_int_equal(update_remove_record(folder), 0);
     assert_int_equal(update_remove_record(folder), 0);
     assert_int_equal(update_read_record(folder, &out), -ENOENT);

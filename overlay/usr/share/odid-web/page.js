@@ -3,6 +3,7 @@
 "use strict";
 
 const POLL_MS = 1000;
+const RESTART_MS = 180000;          // a restart takes no longer, one into the old version included
 const ANSWER_MS = 8000;             // the appliance itself waits 3 s for its daemon
 const STOPPED = 502;                // the updater closed its end before the bundle's
 const BUNDLE_MAX = 64 * 1024 * 1024; // as the appliance's: what is larger is no bundle
@@ -92,7 +93,7 @@ function showState(kind, title, text) {
 function showSilence() {
   document.body.classList.add("stale");
   $("problems").hidden = true;
-  if (restarting) {
+  if (restarting && Date.now() - heardAt < RESTART_MS) {
     showState("unknown", "Restarting", "The aircraft restarts with the new software. That takes about a minute; this " +
       "page goes on by itself, unless the Wi-Fi has to be joined again.");
   } else {
