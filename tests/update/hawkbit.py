@@ -1,8 +1,7 @@
 """A model of a hawkBit server's device API ("DDI"), for one device: what it offers, and what it is told.
 
-Paths, fields and values are those of the API's published description (https://eclipse.dev/hawkbit/rest-api/ddi/,
-and the classes DdiStatus, DdiResult, DdiDeployment, DdiArtifact, DdiConfigData that it is generated from).
-What the device sends is held against it; what doesn't fit is an entry in `violations`.
+What the device sends, and what it is answered, is held against ddi.json, and that against hawkBit's own description of
+the API (ddi.py). What doesn't fit is an entry in `violations`.
 """
 
 import contextlib
@@ -10,54 +9,34 @@ import hashlib
 import http.server
 import json
 import re
-import ssl
-import threading
 import time
 from pathlib import Path
 
-EXECUTIONS = {"closed", "proceeding", "canceled", "scheduled", "rejected", "resumed", "downloaded", "download"}
-FINISHED = {"success", "failure", "none"}
-GUEST_SEES = "10.0.2.2"
+from host import parts
+
+from . import ddi
+from .server import serve
+
 # hawkBit's own least interval, unless it is set otherwise. SWUpdate asks at this interval in the middle of a
 # download, too, and reads one piece of it between two answers when these take longer than the interval.
 OFFERED_POLL_S = 30
 JSON = "application/hal+json"
+MODULE = "1"
+PIECES_S = 20
 
 
-def is_integer(value):
-    return isinstance(value, int) and not isinstance(value, bool)
-
-
-def check_feedback(body):
-    """What in a feedback isn't as the API says; an empty list when all is well."""
-    wrong = []
-    status = body.get("status")
-    if not isinstance(status, dict):
-        return ["no status"]
-    if status.get("execution") not in EXECUTIONS:
-        wrong.append(f"execution {status.get('execution')!r}")
-    result = status.get("result")
-    if not isinstance(result, dict) or result.get("finished") not in FINISHED:
-        wrong.append(f"result {result!r}")
-    elif not all(is_integer(value) for value in result.get("progress", {}).values()):
-        wrong.append(f"progress {result['progress']!r}")
-    if not is_integer(status.get("code", 0)):
-        wrong.append(f"code {status['code']!r}")
-    details = status.get("details", [])
-    if not isinstance(details, list) or not all(isinstance(line, str) for line in details):
-        wrong.append(f"details {details!r}")
-    return wrong
-
-
-def check_attributes(body):
-    """The same of a device's attributes."""
-    data = body.get("data")
-    wrong = []
-    if not isinstance(data, dict) or not data or not all(isinstance(value, str) for value in data.values()):
-        wrong.append(f"data {data!r}")
-    if body.get("mode", "merge") not in ("merge", "replace", "remove"):
-        wrong.append(f"mode {body['mode']!r}")
-    return wrong
+def poll_octets(machine, server, polls=4):
+    """What a poll costs on the line, in both directions, as the machine's network card counts it."""
+    def so_far():
+        return sum(int(line) for line in machine.must(
+            "cat /sys/class/net/eth0/statistics/rx_bytes /sys/class/net/eth0/statistics/tx_bytes").split())
+    begun = server.polls
+    parts.wait_for("a poll", lambda: server.polls > begun, 60)
+    time.sleep(1)       # until it is over, and the next one hasn't begun
+    octets, begun = so_far(), server.polls
+    parts.wait_for("polls", lambda: server.polls >= begun + polls, 60)
+    time.sleep(1)
+    return (so_far() - octets) // (server.polls - begun)
 
 
 class HawkBit:
@@ -68,10 +47,17 @@ class HawkBit:
     def __init__(self, name, tenant="DEFAULT", token="a-test-token", poll_s=3, tls=None):
         self.name, self.tenant, self.token, self.poll_s = name, tenant, token, poll_s
         self.action = self.bundle = self.version = None
+        self.cancelling, self.cancelled = False, []     # the action is to be called off; what was said to that
         self.polls = self.octets = 0        # octets: of both directions, above TCP and TLS
         self.attributes, self.feedback, self.violations, self.refused = {}, [], [], 0
         self.break_at, self.resumed_at = None, []       # octets of a bundle
         self.pause_s = self.downloads = 0               # before a bundle comes, as over LTE; how often one was asked for
+        self.rate = None                                # octets a second of a bundle
+        self._does = {"GET": self._root, "PUT configData": self._take_attributes,
+                      "GET deploymentBase/{actionId}": self._deployment,
+                      "POST deploymentBase/{actionId}/feedback": self._take_feedback,
+                      "GET cancelAction/{actionId}": self._cancel,
+                      "POST cancelAction/{actionId}/feedback": self._take_cancelled}
         outer = self
 
         class Handler(http.server.BaseHTTPRequestHandler):
@@ -97,22 +83,16 @@ class HawkBit:
                 if self.command == "HEAD":
                     return
                 self.close_connection = self.close_connection or lost > 0
+                piece = max(1, outer.rate // PIECES_S) if outer.rate and kind != JSON else 1 << 20
                 with contextlib.suppress(OSError):      # it had enough
-                    self.wfile.write(data[:len(data) - lost])
+                    for at in range(0, len(data) - lost, piece):
+                        self.wfile.write(data[at:min(at + piece, len(data) - lost)])
+                        time.sleep(1 / PIECES_S if piece < 1 << 20 else 0)
 
             def log_message(self, *_):
                 pass
 
-        self._server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-        self._server.daemon_threads = True
-        if tls:
-            context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-            context.load_cert_chain(*tls)
-            # Not while it accepts: one device that doesn't go on must not keep the others waiting.
-            self._server.socket = context.wrap_socket(self._server.socket, server_side=True,
-                                                      do_handshake_on_connect=False)
-        threading.Thread(target=self._server.serve_forever, daemon=True).start()
-        self.url = f"{'https' if tls else 'http'}://{GUEST_SEES}:{self._server.server_address[1]}"
+        self._server, self.url = serve(Handler, tls)
         self.base = f"/{tenant}/controller/v1/{name}"
 
     def stop(self):
@@ -122,6 +102,10 @@ class HawkBit:
     def offer(self, action, bundle, version):
         self.bundle, self.version = Path(bundle), version
         self.action = str(action)
+
+    def cancel(self):
+        """Calls the action off, as somebody at the server does."""
+        self.cancelling = True
 
     def executions(self, action=None):
         return [one["status"]["execution"] for at, one in self.feedback if action in (None, at)]
@@ -139,44 +123,54 @@ class HawkBit:
         if request.headers.get("Authorization") != f"TargetToken {self.token}":
             self.refused += 1
             return request.give(401)
-        if not path.startswith(self.base):
+        name, about = None, []
+        if path.startswith(self.base):
+            name, about = ddi.operation("GET" if method == "HEAD" else method, path.removeprefix(self.base))
+        if name is None or about[:1] not in ([], [self.action], [MODULE]):
+            self.violations.append(f"{method} {path}: there is no such thing")
             return request.give(404)
-        rest = path.removeprefix(self.base)
-        if method == "GET" and rest == "":
-            self.polls += 1
-            return request.give(200, json.dumps(self._root()).encode())
-        if method == "PUT" and rest == "/configData":
-            return self._take_attributes(request, body)
-        match = re.fullmatch(r"/deploymentBase/(\w+)(/feedback)?", rest)
-        if match and match[1] == self.action:
-            if method == "GET" and not match[2]:
-                return request.give(200, json.dumps(self._deployment()).encode())
-            if method == "POST" and match[2]:
-                return self._take_feedback(request, body)
-        if method in ("GET", "HEAD") and rest == f"/softwaremodules/1/artifacts/{self.bundle and self.bundle.name}":
+        if name.endswith("{fileName}"):
             return self._give_bundle(request)
-        self.violations.append(f"{method} {path}")
-        return request.give(404)
+        its = ddi.OPERATIONS[name]
+        if "takes" in its:
+            about.append(json.loads(body))
+            self.violations += ddi.wrong(its["takes"], about[-1])
+        code, message = self._does[name](*about)
+        if "gives" in its:
+            self.violations += [f"ours: {line}" for line in ddi.wrong(its["gives"], message, exactly=True)]
+        if code not in its["codes"]:
+            self.violations.append(f"ours: {name} is never answered {code}")
+        return request.give(code, json.dumps(message).encode() if message else b"")
+
+    def _is_open(self):
+        return self.action and self.outcome(self.action) is None and \
+            "closed" not in (status["execution"] for status in self.cancelled)
 
     def _root(self):
-        offered = self.action and self.outcome(self.action) is None
+        self.polls += 1
+        offered = self._is_open()
         hours, rest = divmod(OFFERED_POLL_S if offered else self.poll_s, 3600)
         links = {}
         if not self.attributes:
             links["configData"] = {"href": f"{self.url}{self.base}/configData"}
-        if offered:
+        if offered and self.cancelling:
+            links["cancelAction"] = {"href": f"{self.url}{self.base}/cancelAction/{self.action}"}
+        elif offered:
             links["deploymentBase"] = {"href": f"{self.url}{self.base}/deploymentBase/{self.action}?c=1"}
-        return {"config": {"polling": {"sleep": f"{hours:02}:{rest // 60:02}:{rest % 60:02}"}}, "_links": links}
+        return 200, {"config": {"polling": {"sleep": f"{hours:02}:{rest // 60:02}:{rest % 60:02}"}}, "_links": links}
 
-    def _deployment(self):
+    def _deployment(self, action):
         data = self.bundle.read_bytes()
-        href = f"{self.url}{self.base}/softwaremodules/1/artifacts/{self.bundle.name}"
-        return {"id": self.action, "deployment": {"download": "forced", "update": "forced", "chunks": [{
+        href = f"{self.url}{self.base}/softwaremodules/{MODULE}/artifacts/{self.bundle.name}"
+        return 200, {"id": action, "deployment": {"download": "forced", "update": "forced", "chunks": [{
             "part": "os", "version": self.version, "name": "odid", "artifacts": [{
                 "filename": self.bundle.name, "size": len(data),
                 "hashes": {"sha1": hashlib.sha1(data).hexdigest(), "md5": hashlib.md5(data).hexdigest(),
                            "sha256": hashlib.sha256(data).hexdigest()},
                 "_links": {"download-http": {"href": href}, "md5sum-http": {"href": f"{href}.MD5SUM"}}}]}]}}
+
+    def _cancel(self, action):
+        return 200, {"id": action, "cancelAction": {"stopId": action}}
 
     def _give_bundle(self, request):
         """All of it; or the rest, for a device whose connection broke."""
@@ -191,18 +185,17 @@ class HawkBit:
         else:
             request.give(200, data, kind, lost=len(data) - self.break_at if self.break_at else 0)
 
-    def _take_attributes(self, request, body):
-        got = json.loads(body)
-        self.violations += [f"configData: {wrong}" for wrong in check_attributes(got)]
+    def _take_attributes(self, got):
         self.attributes = got.get("data", {})
-        request.give(200)
+        return 200, None
 
-    def _take_feedback(self, request, body):
-        if self.outcome(self.action) is not None:
-            self.violations.append(f"feedback to action {self.action}, which is closed")
-            request.give(410)
-            return
-        got = json.loads(body)
-        self.violations += [f"feedback: {wrong}" for wrong in check_feedback(got)]
-        self.feedback.append((self.action, got))
-        request.give(200)
+    def _take_feedback(self, action, got):
+        if not self._is_open():
+            self.violations.append(f"feedback to action {action}, which is closed")
+            return 410, None
+        self.feedback.append((action, got))
+        return 200, None
+
+    def _take_cancelled(self, _, got):
+        self.cancelled.append(got["status"])
+        return 200, None

@@ -2,6 +2,7 @@
 /RATE/NAME gives NAME at so many octets a second; `stop` breaks all of them off."""
 
 import http.server
+import ssl
 import threading
 import time
 from pathlib import Path
@@ -10,8 +11,21 @@ GUEST_SEES = "10.0.2.2"
 PIECES_S = 20
 
 
+def serve(handler, tls=None):
+    """A web server in the background, and where the machine reaches it. tls: (certificate, key), files."""
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler)
+    server.daemon_threads = True
+    if tls:
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        context.load_cert_chain(*tls)
+        # Not while it accepts: one device that doesn't go on must not keep the others waiting.
+        server.socket = context.wrap_socket(server.socket, server_side=True, do_handshake_on_connect=False)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    return server, f"{'https' if tls else 'http'}://{GUEST_SEES}:{server.server_address[1]}"
+
+
 class Server:
-    def __init__(self, folder):
+    def __init__(self, folder, tls=None):
         self.folder, self._stopped = Path(folder), threading.Event()
         outer = self
 
@@ -33,9 +47,7 @@ class Server:
             def log_message(self, *_):
                 pass
 
-        self._server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-        self._server.daemon_threads = True
-        threading.Thread(target=self._server.serve_forever, daemon=True).start()
+        self._server, self._url = serve(Handler, tls)
 
     def send(self, file, rate, out):
         piece = rate // PIECES_S if rate else 1 << 20
@@ -48,8 +60,7 @@ class Server:
                     time.sleep(1 / PIECES_S)
 
     def url(self, file, rate=None):
-        prefix = f"{rate}/" if rate else ""
-        return f"http://{GUEST_SEES}:{self._server.server_address[1]}/{prefix}{Path(file).name}"
+        return f"{self._url}/{f'{rate}/' if rate else ''}{Path(file).name}"
 
     def stop(self):
         self._stopped.set()

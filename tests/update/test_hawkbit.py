@@ -1,12 +1,14 @@
 """SWUpdate's own hawkBit client against a model of the server."""
 
+import time
+
 import pytest
 from bench.machine import configuration
 
 from . import LONG, autopilot, bundles, figures
 from .appliance import wait_for
 from .bundles import NEWER, NO_BLUETOOTH
-from .hawkbit import HawkBit
+from .hawkbit import OFFERED_POLL_S, HawkBit, poll_octets
 
 pytestmark = LONG
 
@@ -52,7 +54,8 @@ def test_an_update_is_fetched_installed_and_reported(ready, server):
     assert not server.violations
     polls, octets = server.polls, server.octets
     wait_for("it to go on asking", lambda: server.polls > polls + 1, 60)
-    figures.note(hawkbit_poll_octets=round((server.octets - octets) / (server.polls - polls)))
+    figures.note(hawkbit_poll_octets=round((server.octets - octets) / (server.polls - polls)),
+                 hawkbit_poll_line_octets=poll_octets(ready.machine, server))
     assert ready.starts() == before + 1     # and it isn't installed again
 
 
@@ -85,6 +88,38 @@ def test_one_that_is_refused_is_reported(ready, server):
                for line in one["status"].get("details", []))
     assert ready.result()["outcome"] == "refused"
     assert not server.violations
+
+
+def test_one_that_is_called_off_while_it_comes(ready, server):
+    """At the server, in the middle of it: no more is written, nothing is marked, and the server is told that it is over."""
+    def found():
+        return (ready.starts(), ready.kept(),       # ustate is SWUpdate's own
+                {name: value for name, value in ready.variables().items() if name != "ustate"})
+    before, bundle = found(), bundles.bundle("good", NEWER)
+    server.rate = bundle.stat().st_size // (3 * OFFERED_POLL_S)     # SWUpdate asks meanwhile
+    server.offer(25, bundle, NEWER)
+    ready.wait_state("installing")
+    server.cancel()
+    wait_for("the answer", lambda: server.cancelled, 90)
+    assert [status["execution"] for status in server.cancelled] == ["closed"]
+    ready.wait_state("idle")
+    polls = server.polls
+    wait_for("it to go on asking", lambda: server.polls > polls + 1, 60)
+    assert "called off" in ready.result()["sentence"]
+    assert found() == before and ready.protected()
+    assert not server.violations
+
+
+def test_switched_off_and_on_by_the_technician(ready, server):
+    """At once, as odidctl says."""
+    wait_for("a poll", lambda: server.polls > 1, 60)
+    ready.machine.must("odidctl set update.hawkbit_url ''", 30)
+    ready.wait_ready()
+    polls = server.polls
+    time.sleep(4 * server.poll_s)
+    assert server.polls == polls
+    ready.machine.must(f"odidctl set update.hawkbit_url {server.url}", 30)
+    wait_for("a poll", lambda: server.polls > polls, 60)
 
 
 def test_one_that_comes_in_the_air_is_refused(ready, server, tmp_path):

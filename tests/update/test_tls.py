@@ -6,9 +6,10 @@ import time
 import pytest
 from bench.machine import configuration
 
-from . import LONG, autopilot, certificate
+from . import LONG, autopilot, certificate, figures
 from .appliance import wait_for
-from .hawkbit import GUEST_SEES, HawkBit
+from .hawkbit import HawkBit, poll_octets
+from .server import GUEST_SEES
 
 pytestmark = LONG
 NAME = "SSRS5GBG01"
@@ -40,6 +41,7 @@ def test_after_a_power_on_without_any_time(make_appliance, server, tmp_path):
     one = appliance(make_appliance, "tls_1970", server, tmp_path / "server.crt", "1970-01-01T00:00:00")
     assert year(one) > 2024
     wait_for("a poll", lambda: server.polls > 1, 90)
+    figures.note(hawkbit_poll_tls_line_octets=poll_octets(one.machine, server))
 
 
 @pytest.mark.skipif(not os.environ.get("IMAGE"), reason="the bench's SWUpdate, Debian's 2022.12, waits by the wall clock: "

@@ -93,6 +93,8 @@ void update_installer_explain(const char *complaint, const char *hardware, char 
         {"Compatible SW not found", "It is no bundle for this appliance, or was altered."},
         {"treaming", "It is cut short or damaged."},
         {"missing...aborting", "It is cut short: there is no slot in it."},
+        /* What it says when it asks whether the update is still wanted, and it isn't. */
+        {"delivered empty 'update'", "It was called off at the server while it was written."},
         {"Image invalid", "It isn't signed, or is another kind of file: no bundle for this board."},
     };
 

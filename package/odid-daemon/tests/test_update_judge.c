@@ -309,6 +309,8 @@ static void what_swupdate_says_in_plain_words(void **state)
          "It is damaged: what was written isn't what its maker signed."},
         {"ERROR : Checksum WRONG ! Computed 0xfd8b, it should be 0xfd8c",
          "It is damaged: something in it was changed on its way."},
+        {"ERROR : Server delivered empty 'update', skipping..",
+         "It was called off at the server while it was written."},
         {"something new", "The installer says: something new"},
         {"", "The installer says: nothing"},
     };
