@@ -16,8 +16,12 @@ rm -f "$target/linuxrc" "$target/etc/os-release" "$target/usr/lib/os-release" \
 rm -f "$target/usr/bin/nettle-"* "$target/usr/bin/pkcs1-conv" "$target/usr/bin/sexp-conv" \
 	"$target/usr/bin/wcurl" "$target/bin/compile_et" "$target/bin/mk_cmds" \
 	"$target/usr/bin/compile_et" "$target/usr/bin/mk_cmds"
+# The compiler's; a program may ask for it although it uses nothing of it.
+if ! grep -rqs "libatomic\\.so" "$target/bin" "$target/sbin" "$target/usr/bin" "$target/usr/sbin" "$target/usr/lib"/lib[!a]*; then
+	rm -f "$target/lib/libatomic.so"* "$target/usr/lib/libatomic.so"*
+fi
 # Libraries that nothing here is linked with (tests/image).
-for library in libatomic libbluetooth libconfig++ libdrop_ambient libgmpxx libgomp libhogweed libINIReader \
+for library in libbluetooth libconfig++ libdrop_ambient libgmpxx libgomp libhogweed libINIReader \
 	libnl-idiag-3 libnl-nf-3 libnl-route-3 libnl-xfrm-3 libss; do
 	rm -f "$target/lib/$library.so"* "$target/usr/lib/$library.so"*
 done
