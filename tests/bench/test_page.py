@@ -26,13 +26,13 @@ def free_tcp_port():
 
 
 class Page:
-    """The page from outside, by Ethernet."""
+    """The page from outside, by Ethernet; or by whatever answers at that port in the machine."""
 
-    def __init__(self, machine):
+    def __init__(self, machine, port=80):
         self.port = free_tcp_port()
         self.cookie = ""
         machine.qmp.command("human-monitor-command",
-                            **{"command-line": f"hostfwd_add net tcp:127.0.0.1:{self.port}-:80"})
+                            **{"command-line": f"hostfwd_add net tcp:127.0.0.1:{self.port}-:{port}"})
 
     def connect(self, timeout_s=5):
         return http.client.HTTPConnection("127.0.0.1", self.port, timeout=timeout_s)

@@ -53,6 +53,7 @@ class HawkBit:
         self.break_at, self.resumed_at = None, []       # octets of a bundle
         self.pause_s = self.downloads = 0               # before a bundle comes, as over LTE; how often one was asked for
         self.rate = None                                # octets a second of a bundle
+        self.closes = False                             # each connection, after one answer
         self._does = {"GET": self._root, "PUT configData": self._take_attributes,
                       "GET deploymentBase/{actionId}": self._deployment,
                       "POST deploymentBase/{actionId}/feedback": self._take_feedback,
@@ -82,7 +83,7 @@ class HawkBit:
                 self.end_headers()
                 if self.command == "HEAD":
                     return
-                self.close_connection = self.close_connection or lost > 0
+                self.close_connection = self.close_connection or lost > 0 or outer.closes
                 piece = max(1, outer.rate // PIECES_S) if outer.rate and kind != JSON else 1 << 20
                 with contextlib.suppress(OSError):      # it had enough
                     for at in range(0, len(data) - lost, piece):

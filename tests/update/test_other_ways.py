@@ -14,12 +14,15 @@ from .bundles import NEWER
 pytestmark = LONG
 
 
+SPARE = 32 << 20    # for what a file system keeps for itself
+
+
 def stick(name, *files, kind="vfat"):
     """A stick with those files at its top level."""
     image = bundles.BUILD / f"{name}.stick"
     image.unlink(missing_ok=True)
     with open(image, "wb") as out:
-        out.truncate(sum(file.stat().st_size for file in files) + (16 << 20))
+        out.truncate(sum(file.stat().st_size for file in files) + SPARE)
     if kind == "ext4":
         folder = bundles.BUILD / f"{name}.files"
         shutil.rmtree(folder, ignore_errors=True)
@@ -34,18 +37,42 @@ def stick(name, *files, kind="vfat"):
     return image
 
 
-def plug(machine, image):
-    machine.qmp.command("blockdev-add", **{"driver": "raw", "node-name": "stick", "read-only": True,
+def plug(machine, image, read_only=True):
+    machine.qmp.command("blockdev-add", **{"driver": "raw", "node-name": "stick", "read-only": read_only,
                                            "file": {"driver": "file", "filename": str(image)}})
     machine.qmp.command("device_add", driver="usb-storage", id="stick", drive="stick", bus="usb.0")
 
 
-@pytest.mark.parametrize("kind", ["vfat", "ext4"])
+def pull(machine):
+    machine.qmp.command("device_del", id="stick")
+    wait_for("the stick to be gone", lambda: machine.run("[ -e /sys/class/block/sda ]").code != 0, 10)
+    machine.qmp.command("blockdev-del", **{"node-name": "stick"})
+
+
+def exfat_stick(ready, name, *files):
+    """Nothing on this machine writes that without being its root: the appliance's own driver does."""
+    image, machine = bundles.BUILD / f"{name}.stick", ready.machine
+    image.unlink(missing_ok=True)
+    with open(image, "wb") as out:
+        out.truncate(sum(file.stat().st_size for file in files) + SPARE)
+    call("mkfs.exfat", image)
+    plug(machine, image, read_only=False)
+    wait_for("what it says of the stick", lambda: "no bundle for odid-qemu" in machine.console_text(), 60)
+    machine.must("mkdir /tmp/stick && mount -t exfat /dev/sda /tmp/stick")
+    for file in files:
+        machine.must(f"curl -sf -o /tmp/stick/{file.name} {ready.server.url(file)}", 60)
+    machine.must("umount /tmp/stick")
+    pull(machine)
+    return image
+
+
+@pytest.mark.parametrize("kind", ["vfat", "exfat", "ext4"])
 def test_the_newest_that_fits_is_taken_once(ready, kind):
     """And where the stick stays in, it isn't installed again."""
     files = [bundles.bundle("good", NEWER), bundles.bundle("older", bundles.OLDER),
              bundles.bundle("cm4", "99.0.0", board="cm4")]
-    plug(ready.machine, stick("several", *files, kind=kind))
+    plug(ready.machine, exfat_stick(ready, "several", *files) if kind == "exfat" else
+         stick("several", *files, kind=kind))
     before = ready.starts()
     ready.wait_state("installing", timeout_s=60)
     ready.wait_restart(before, 120)
@@ -65,6 +92,23 @@ def test_a_stick_without_a_bundle(ready):
     wait_for("what it says of the stick", lambda: "no bundle for odid-qemu" in ready.machine.console_text(), 60)
     assert ready.state() == "idle"
     assert ready.result() is None
+
+
+def test_no_factory_reset_while_config_cannot_be_read(make_appliance):
+    """What is forgotten has to come back from there."""
+    one = make_appliance("factory_without")
+    one.power_on()
+    machine = one.machine
+    machine.must("odidctl set self_id.description Changed", 30)
+    before, ssid = one.starts(), machine.must("cat /data/secrets/wifi_ssid")
+    machine.must("dd if=/dev/zero of=/dev/disk/odid/config bs=4096 count=16 conv=fsync 2>&1")
+    machine.shell.send("odidctl factory-reset")
+    one.wait_restart(before)
+    machine.wait_on_air(timeout_s=60)
+    assert machine.must("odidctl get self_id.description basic_id.uas_id").split() == ["Changed", "SSRS5GBG01"]
+    assert machine.must("cat /data/secrets/wifi_ssid") == ssid
+    assert "CONFIG can't be read" in machine.must("cat /run/faults/config")
+    assert machine.run("[ -e /data/odid/factory-reset ]").code
 
 
 def test_factory_reset(make_appliance):

@@ -19,6 +19,8 @@ BACK_ON_AIR_S = 90
 # is never judged, with its two minutes in each.
 GIVEN_UP_S = {"no_kernel": 90, "kernel_panics": 90, "init_hangs": 150, "not_judged": 600}
 
+STARTS_ON_TRIAL = 20    # bootlimit in u-boot.env: that many, and one in which it is given up
+
 HANGS = b"#!/bin/sh\nwhile :; do sleep 1000; done\n"
 CRASHES = b"#!/bin/sh\nsleep 1\nkill -SEGV $$\n"
 
@@ -174,6 +176,25 @@ def test_switched_off_ten_times_on_trial(ready):
     ready.wait_state("trial")
     ready.wait_state("idle")
     assert ready.result()["outcome"] == "installed"
+
+
+def test_the_boot_loader_s_limit_of_starts(ready):
+    """For a board that can't tell a power-on from a restart: 20 starts without a decision, whatever they were."""
+    installed(ready, bundles.bundle("good", NEWER))
+    machine = ready.machine
+    machine.wait_console(r"odid\.slot=b.* odid\.trial", 30)     # that start is counted
+    for number in range(STARTS_ON_TRIAL):
+        machine.cut_power()
+        machine.power_on(wait=False)
+        machine.wait_console(r"odid\.slot=(a|b)", 30)
+        taken = re.search(r"odid\.slot=(a|b)", machine.console_text())[1]
+        # The first of them was the restart after the install.
+        assert taken == ("b" if number < STARTS_ON_TRIAL - 1 else "a"), f"start {number + 2}"
+    ready.machine.wait_shell()
+    machine.wait_on_air(timeout_s=60)
+    result = wait_for("the result", ready.result, 30)
+    assert result["outcome"] == "rolled-back" and "started 20 times" in result["sentence"], result
+    assert (ready.variables()["slot"], ready.variables()["upgrade_available"]) == ("a", "0")
 
 
 def test_a_committed_slot_that_panics_gives_way(ready):

@@ -154,7 +154,8 @@ def root(out, kernel, initrd, sysroot, busybox, daemon, guest_programs, release)
     put(OVERLAY, out)
     put(GUEST / "root", out)
     put(guest_programs / "relay", out / "usr/bin/mavlink-routerd")
-    put(guest_programs / "hci-attach", out / "usr/sbin/hci-attach")
+    for name in ("hci-attach", "other-host"):
+        put(guest_programs / name, out / "usr/sbin" / name)
     for name, lines in users().items():
         write(out / "etc" / name, "\n".join(lines) + "\n", 0o600 if name == "shadow" else 0o644)
     write(out / "etc/odid-release", release)
