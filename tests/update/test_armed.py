@@ -125,7 +125,7 @@ def test_no_restart_into_the_new_slot(ready, logs):
     assert got.code == 0, got.output
     arm(ready, logs)
     assert ready.state() == "waiting-for-reboot"
-    assert told(ready, "update in progress")
+    wait_for("ARM_STATUS", lambda: told(ready, "update in progress"), 10)
     got = ready.install(bundles.bundle("older", OLDER))     # another one meanwhile
     assert got.code == 1, got.output
     assert "waits for the reboot" in got.output
