@@ -68,6 +68,7 @@ def usb_gadget(machine):
     # This kernel is the computer's, too: it took the adapter for a modem of ours.
     machine.wait_inside("udhcpc", "[ -p /run/service/udhcpc-usb0/supervise/control ]")
     machine.must("sv down udhcpc-usb0")
+    machine.wait_inside("its end", "[ -z \"$(cat /run/service/udhcpc-usb0/supervise/pid)\" ]")
     network = laptop(machine, "usb0", "192.168.42.1")
     machine.must(f"ip link set usb0 netns {network}")
 
