@@ -15,14 +15,13 @@ from pathlib import Path
 from host import parts
 
 from . import ddi
-from .server import serve
+from .server import paced, serve
 
 # hawkBit's own least interval, unless it is set otherwise. SWUpdate asks at this interval in the middle of a
 # download, too, and reads one piece of it between two answers when these take longer than the interval.
 OFFERED_POLL_S = 30
 JSON = "application/hal+json"
 MODULE = "1"
-PIECES_S = 20
 
 
 def poll_octets(machine, server, polls=4):
@@ -84,11 +83,9 @@ class HawkBit:
                 if self.command == "HEAD":
                     return
                 self.close_connection = self.close_connection or lost > 0 or outer.closes
-                piece = max(1, outer.rate // PIECES_S) if outer.rate and kind != JSON else 1 << 20
                 with contextlib.suppress(OSError):      # it had enough
-                    for at in range(0, len(data) - lost, piece):
-                        self.wfile.write(data[at:min(at + piece, len(data) - lost)])
-                        time.sleep(1 / PIECES_S if piece < 1 << 20 else 0)
+                    for piece in paced(data[:len(data) - lost], None if kind == JSON else outer.rate):
+                        self.wfile.write(piece)
 
             def log_message(self, *_):
                 pass

@@ -24,6 +24,15 @@ def serve(handler, tls=None):
     return server, f"{'https' if tls else 'http'}://{GUEST_SEES}:{server.server_address[1]}"
 
 
+def paced(data, rate=None):
+    """Its pieces, at so many octets a second if there is a rate."""
+    piece = max(1, rate // PIECES_S) if rate else 1 << 20
+    for at in range(0, len(data), piece):
+        yield data[at:at + piece]
+        if rate:
+            time.sleep(1 / PIECES_S)
+
+
 class Server:
     def __init__(self, folder, tls=None):
         self.folder, self._stopped = Path(folder), threading.Event()
@@ -50,14 +59,10 @@ class Server:
         self._server, self._url = serve(Handler, tls)
 
     def send(self, file, rate, out):
-        piece = rate // PIECES_S if rate else 1 << 20
-        with open(file, "rb") as stream:
-            while data := stream.read(piece):
-                if self._stopped.is_set():
-                    return
-                out.write(data)
-                if rate:
-                    time.sleep(1 / PIECES_S)
+        for piece in paced(file.read_bytes(), rate):
+            if self._stopped.is_set():
+                return
+            out.write(piece)
 
     def url(self, file, rate=None):
         return f"{self._url}/{f'{rate}/' if rate else ''}{Path(file).name}"

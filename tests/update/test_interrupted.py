@@ -50,7 +50,7 @@ def test_power_cut_between_the_reason_and_the_boot_loader_s_variables(ready):
     before = begun(ready)
     ready.wait_restart(before)
     machine = ready.machine
-    machine.wait_inside("the trial", "grep -q trial /run/odid-appliance/update.json", 60)
+    ready.wait_state("trial")
     machine.must(f"sv down update; rm /data/odid/trial.json; echo {NEWER} >/data/odid/rolled-back; "
                  """echo '{ "from": "1", "to": "2", "outcome": "rolled-back", "sentence": "The reason." }' """
                  ">/data/odid/update.json; sync")
@@ -82,7 +82,7 @@ def test_settings_saved_on_trial_say_nothing_against_it(ready):
     before = begun(ready)
     ready.wait_restart(before)
     machine = ready.machine
-    machine.wait_inside("the trial", "grep -q trial /run/odid-appliance/update.json", 60)
+    ready.wait_state("trial")
     for number in range(4):
         machine.must(f"sleep 14; odidctl set self_id.description 'Number {number}'", 60)
     ready.wait_state("idle")

@@ -13,16 +13,21 @@ from .bundles import NEWER
 
 pytestmark = LONG
 
-
 SPARE = 32 << 20    # for what a file system keeps for itself
 
 
-def stick(name, *files, kind="vfat"):
-    """A stick with those files at its top level."""
+def blank(name, files):
+    """A stick without a file system, large enough for those files."""
     image = bundles.BUILD / f"{name}.stick"
     image.unlink(missing_ok=True)
     with open(image, "wb") as out:
         out.truncate(sum(file.stat().st_size for file in files) + SPARE)
+    return image
+
+
+def stick(name, *files, kind="vfat"):
+    """A stick with those files at its top level."""
+    image = blank(name, files)
     if kind == "ext4":
         folder = bundles.BUILD / f"{name}.files"
         shutil.rmtree(folder, ignore_errors=True)
@@ -51,10 +56,7 @@ def pull(machine):
 
 def exfat_stick(ready, name, *files):
     """Nothing on this machine writes that without being its root: the appliance's own driver does."""
-    image, machine = bundles.BUILD / f"{name}.stick", ready.machine
-    image.unlink(missing_ok=True)
-    with open(image, "wb") as out:
-        out.truncate(sum(file.stat().st_size for file in files) + SPARE)
+    image, machine = blank(name, files), ready.machine
     call("mkfs.exfat", image)
     plug(machine, image, read_only=False)
     wait_for("what it says of the stick", lambda: "no bundle for odid-qemu" in machine.console_text(), 60)

@@ -40,8 +40,7 @@
 #define REFUSED STATE "/update-refused"
 /* Not empty where hawkBit is asked for updates. */
 #define HAWKBIT "/run/swupdate.hawkbit"
-/* What is asked for now: the technician's way in (/etc/sv/maintenance/run); and over our restart.
- */
+/* Maintenance (/etc/sv/maintenance/run) is asked for: now; and over our restart. */
 #define MAINTENANCE STATE "/maintenance-asked"
 #define MAINTENANCE_AGAIN DATA "/odid/maintenance-asked"
 #define CONFIGURATION DATA "/odid/odid.conf"

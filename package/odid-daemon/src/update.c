@@ -76,12 +76,12 @@ void update_progress(struct update *update, int percent, int64_t now_us)
 {
     int64_t passed_us;
 
-    if (update->state == UPDATE_INSTALLING && percent < update->percent) {
-        return; /* SWUpdate begins again at 0 with U-Boot's variables */
-    }
     if (update->state != UPDATE_INSTALLING) {
         enter(update, UPDATE_INSTALLING, now_us, "Version %s is being written.", update->version);
         update->writing_us = now_us;
+    }
+    if (percent < update->percent) {
+        return; /* SWUpdate begins again at 0 with U-Boot's variables */
     }
     update->percent = percent;
     passed_us = now_us - update->writing_us;

@@ -80,8 +80,10 @@ static void percent_and_what_is_left(void **state)
     assert_int_equal(update.percent, 25);
     assert_int_equal(update.seconds_left, 15);
     update_progress(&update, 100, now_us + 20 * SECOND_US);
-    update_progress(&update, 0,
-                    now_us + 20 * SECOND_US); /* U-Boot's variables come after the slot */
+    assert_int_equal(update.seconds_left, 0);
+    /* U-Boot's variables come after the slot. */
+    update_progress(&update, 0, now_us + 20 * SECOND_US);
+    assert_int_equal(update.percent, 100);
     assert_int_equal(update.seconds_left, 0);
 }
 
