@@ -37,6 +37,13 @@ def arm(appliance, logs, armed=True):
     wait_for("armed" if armed else "disarmed", lambda: appliance.armed() is armed, 30)
 
 
+def disarm_for_a_restart(appliance, logs):
+    """It may restart before anybody could ask it whether it is disarmed."""
+    before = appliance.starts()
+    appliance.machine.play(logs[False])
+    appliance.wait_restart(before)
+
+
 def on_trial(appliance, bundle):
     """Its slot is started, and the daemon answers."""
     installed(appliance, bundle)
@@ -133,9 +140,7 @@ def test_no_restart_into_the_new_slot(ready, logs):
     ready.machine.unplug()
     no_restart(ready, 20)
     ready.machine.plug()
-    before = ready.starts()
-    arm(ready, logs, False)
-    ready.wait_restart(before)
+    disarm_for_a_restart(ready, logs)
     assert ready.slot() == "b"
 
 
@@ -162,9 +167,7 @@ def test_a_failed_trial_waits_for_the_ground(ready, logs):
     ready.wait_state("waiting-for-reboot")
     arm(ready, logs)            # again, before it restarted
     no_restart(ready, 20)
-    before = ready.starts()
-    arm(ready, logs, False)
-    ready.wait_restart(before)
+    disarm_for_a_restart(ready, logs)
     assert ready.slot() == "a"
     assert ready.result()["outcome"] == "rolled-back"
 

@@ -55,10 +55,11 @@ def test_power_cut_between_the_reason_and_the_boot_loader_s_variables(ready):
                  """echo '{ "from": "1", "to": "2", "outcome": "rolled-back", "sentence": "The reason." }' """
                  ">/data/odid/update.json; sync")
     machine.cut_power()
-    machine.power_on()
+    machine.power_on(wait=False)    # it may restart before there is a shell
     ready.wait_restart(1, 90)
     machine.wait_on_air(timeout_s=60)
     assert ready.slot() == "a" and ready.result()["sentence"] == "The reason."
+    ready.wait_state("idle")
     assert ready.variables()["upgrade_available"] == "0"
 
 

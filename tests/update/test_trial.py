@@ -194,6 +194,7 @@ def test_the_boot_loader_s_limit_of_starts(ready):
     machine.wait_on_air(timeout_s=60)
     result = wait_for("the result", ready.result, 30)
     assert result["outcome"] == "rolled-back" and "started 20 times" in result["sentence"], result
+    ready.wait_state("idle")
     assert (ready.variables()["slot"], ready.variables()["upgrade_available"]) == ("a", "0")
 
 
