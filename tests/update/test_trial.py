@@ -225,9 +225,9 @@ def test_a_committed_slot_that_rots_gives_way(ready, where):
     assert ready.slot() == "b"
     assert re.search("slot a (damaged|unreadable)", machine.must("cat /run/faults/slot"))
     assert "damaged" in machine.must("odidctl status; true") or "unreadable" in machine.must("odidctl status; true")
+    ready.wait_ready()
     assert ready.variables()["slot"] == "a"
     assert ready.variables().get("upgrade_available", "0") == "0"
-    ready.wait_ready()
     installed(ready, bundles.bundle("good", NEWER))
     machine.wait_shell()
     machine.wait_on_air(timeout_s=60)
