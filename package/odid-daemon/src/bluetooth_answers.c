@@ -123,7 +123,11 @@ static void come_on_air(struct bluetooth_adapter *adapter, int64_t now_us)
                      adapter->coding_selection ? " S=8 requested" : "");
         }
         radio_enter(set->radio, set->channel, RADIO_ON_AIR, detail, now_us);
-        radio_accepted(set->radio, set->channel, now_us);
+        /* Enabled again, the controller sends what it has at once. Held anew, that would go out twice
+         * more: the next payload came right behind an advertising event, and waited for another. */
+        if (!adapter->enabling_again) {
+            radio_accepted(set->radio, set->channel, now_us);
+        }
     }
 }
 
@@ -149,8 +153,8 @@ static void take_step_answer(struct bluetooth_adapter *adapter, const struct ans
         }
         take_features(adapter, answer->rest, now_us);
     } else if (adapter->step == STEP_ENABLE) {
-        adapter->enabling_again = false;
         come_on_air(adapter, now_us);
+        adapter->enabling_again = false;
     }
     adapter->step++;
 }

@@ -41,6 +41,23 @@ static void a_foreign_disable_is_undone_within_a_slot(void **state)
     assert_int_equal(count_since(n, 0x2036) + count_since(n, 0x207F), 0); /* by one command */
 }
 
+static bool second_is_set(void)
+{
+    return fake.sets[1].data[5] == 2;
+}
+
+/* What was set before the disable has been sent; the newest doesn't wait for an interval more. */
+static void the_newest_goes_out_with_the_event_after_a_foreign_disable(void **state)
+{
+    (void)state;
+    start_whole();
+    run_ms(220);
+    fake_foreign(&fake, 0x2039, off, sizeof(off));
+    assert_true(loop_until(is_whole, 125));
+    set_extended(2);
+    assert_true(loop_until(second_is_set, 100));
+}
+
 static void enabling_that_is_refused_makes_a_whole_set_up(void **state)
 {
     (void)state;
@@ -285,6 +302,7 @@ int main(void)
 #define TEST(name) cmocka_unit_test_teardown(name, end)
     const struct CMUnitTest tests[] = {
         TEST(a_foreign_disable_is_undone_within_a_slot),
+        TEST(the_newest_goes_out_with_the_event_after_a_foreign_disable),
         TEST(enabling_that_is_refused_makes_a_whole_set_up),
         TEST(a_foreign_disable_of_a_legacy_controller_is_undone),
         TEST(after_a_foreign_reset_the_address_is_set_again),
