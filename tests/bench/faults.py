@@ -76,6 +76,17 @@ def command(text):
     return inject
 
 
+def at_any_phase(inject, times=12):
+    """The same again and again, each time at another place in the advertising interval."""
+    def inject_each(machine):
+        injected = []
+        for number in range(times):
+            injected.append(inject(machine))
+            time.sleep(1.2 + 0.037 * number)
+        return injected[0]
+    return inject_each
+
+
 def kill(signal, program):
     return command(f"kill -{signal} $(pidof {program})")
 
@@ -236,7 +247,7 @@ IN_FLIGHT = (
     Fault("update_beacon", "the beacon on the air follows what is set", NONE_S, nothing, WIFI),
     # One slot and 0.3 s, a Location's own interval, and the allowance for emulation.
     Fault("foreign_command", "a second Bluetooth user turns advertising off", 0.125 + 0.3 + 0.1 + 0.05,
-          command(f"{TOOL} hci 0 {FOREIGN_DISABLE}"), BLUETOOTH),
+          at_any_phase(command(f"{TOOL} hci 0 {FOREIGN_DISABLE}")), BLUETOOTH),
     Fault("daemon_sigkill", "daemon killed", 1.5, kill("KILL", "odid-daemon")),
     Fault("daemon_sigsegv", "daemon crashes", 1.5, kill("SEGV", "odid-daemon")),
     Fault("daemon_sigstop", "daemon stopped", 5, kill("STOP", "odid-daemon")),
