@@ -123,8 +123,9 @@ static void come_on_air(struct bluetooth_adapter *adapter, int64_t now_us)
                      adapter->coding_selection ? " S=8 requested" : "");
         }
         radio_enter(set->radio, set->channel, RADIO_ON_AIR, detail, now_us);
-        /* Enabled again, the controller sends what it has at once. Held anew, that would go out twice
-         * more: the next payload came right behind an advertising event, and waited for another. */
+        /* Enabled again, the controller sends what it has at once. Held anew, that would go out
+         * twice more: the next payload came right behind an advertising event, and waited for
+         * another. */
         if (!adapter->enabling_again) {
             radio_accepted(set->radio, set->channel, now_us);
         }
