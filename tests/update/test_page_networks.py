@@ -69,7 +69,7 @@ def usb_gadget(machine):
     machine.wait_inside("udhcpc", "[ -p /run/service/udhcpc-usb0/supervise/control ]")
     machine.must("sv down udhcpc-usb0")
     machine.wait_inside("its end", "[ -z \"$(cat /run/service/udhcpc-usb0/supervise/pid)\" ]")
-    # The link is told once, and whoever closes the adapter meanwhile (moving does) never hears of it.
+    # Now and then this kernel's link between its own two ends doesn't come up: said here, not as a page that is missing.
     machine.must("ip link set usb0 up")
     machine.wait_inside("the link", "[ \"$(cat /sys/class/net/usb0/carrier)\" = 1 ]")
     network = laptop(machine, "usb0", "192.168.42.1")
