@@ -41,18 +41,19 @@ define cmake-build
 @mkdir -p build/setup
 @$(CONFIGURE) -B build/$(1) $(2) >build/setup/cmake-$(1).log 2>&1 || \
 	{ cat build/setup/cmake-$(1).log; exit 1; }
-@cmake --build build/$(1) -j $(JOBS) -- --no-print-directory -s
+@env -u MAKEFLAGS cmake --build build/$(1) -j $(JOBS) -- --no-print-directory -s
 endef
 
 .PHONY: help
 help:
 	@echo 'make demo       boots the appliance in QEMU and flies it past an independent listener'
 	@echo 'make demo-host  the same flight through the daemon alone, on this machine'
-	@echo 'make test       every test that fits in minutes, with a summary'
-	@echo 'make system     of these only those that boot the appliance and do it harm'
+	@echo 'make test       the gate: every part, and an appliance booted, updated and flown; minutes'
+	@echo 'make test-all   everything, real time included, with the benchmark and a short soak (two hours)'
+	@echo 'make steady     runs make test again and again: COUNT=10, STRESS=4 (busy processes beside it)'
+	@echo 'make system     only the tests that boot the appliance and do it harm'
 	@echo 'make update     updates the appliance, well and badly'
 	@echo 'make power-cuts 300 power cuts in the middle of updates (an hour; SEED=, COUNT=, CONTROL=)'
-	@echo 'make test-long  whole flights, long fuzzing, long benchmarks, the soak (hours)'
 	@echo 'make faults-without  faults done to an appliance that lacks what is there against them'
 	@echo 'make soak       the appliance in flight for half an hour: nothing may go wrong or grow'
 	@echo 'make bench      measures the daemon beside the field study'\''s figures'
@@ -169,55 +170,79 @@ soak: appliance
 
 # --- Testing ----------------------------------------------------------------
 
-# Each level leaves a JUnit file in build/test, and its exit code when that isn't 0; the summary
-# counts them, and fails where a level left none. So a level that fails doesn't keep the next one
-# from running.
-left = echo $$? >build/test/$(1).exit
+# `make test` is the gate: parts and rules, the same verdict on any machine. `make test-all` is everything, real time
+# included. Each level leaves a JUnit file in build/test; the summary counts them, and fails where one left none.
+LEVEL = @tests/levels/run.sh
+PYTEST = -ra --continue-on-collection-errors -o cache_dir=build/pytest
+TESTS = tests --ignore=tests/image
+PARTS = not booted and not timed and not long
+SPREAD = -n 4 --dist worksteal
 
-.PHONY: test test-long
-test: FUZZ_SECONDS = 20
-test: LEVELS = check unit fuzz host system
-test:
-	@rm -rf build/test && mkdir -p build/test && date +%s >build/test/started
-	@$(MAKE) --no-print-directory daemon unit fuzzers appliance
-	$(test-levels)
+.PHONY: test test-begin
+test: LEVELS = check unit fuzz parts smoke
+test: test-begin
+	@$(MAKE) --no-print-directory --keep-going -j 4 $(LEVELS:%=level-%) || true
 	@$(RUN) tests/summary.py build/test $(LEVELS)
 
-# FUZZ_SECONDS= makes it longer yet.
-test-long: FUZZ_SECONDS = 600
-test-long: LEVELS = check unit fuzz host system bench soak without
-test-long: export TEST_LONG = 1
-test-long:
-	@rm -rf build/test && mkdir -p build/test && date +%s >build/test/started
-	@$(MAKE) --no-print-directory daemon unit fuzzers appliance
-	$(test-levels)
-	@$(RUN) tests/levels/command.py build/test/bench.xml \
-		$(RUN) tests/host/bench.py --long || $(call left,bench)
-	@$(RUN) tests/levels/command.py build/test/soak.xml \
-		$(RUN) tests/bench/soak.py || $(call left,soak)
-	@$(RUN) tests/levels/command.py build/test/without.xml \
-		$(RUN) tests/bench/without.py || $(call left,without)
+# One level after the other, and nothing beside them: what is about time is judged here, where the machine was quiet.
+.PHONY: test-all
+test-all: export ODID_TIMED = 1
+test-all: LEVELS = check unit fuzz parts system bench soak without
+test-all: test-begin
+	@$(MAKE) --no-print-directory --keep-going -j 1 $(LEVELS:%=level-%) FUZZ_SECONDS=60 SPREAD= \
+		PARTS='not booted and not long' || true
 	@$(RUN) tests/summary.py build/test $(LEVELS)
 
-define test-levels
-@$(RUN) tests/levels/check.py --junit build/test/check.xml || $(call left,check)
-@UBSAN_OPTIONS=print_stacktrace=1 ctest --test-dir build/unit -j $(JOBS) \
-	--no-tests=error --output-on-failure \
-	--test-output-size-passed 1000000 --test-output-size-failed 1000000 \
-	--output-junit $(CURDIR)/build/test/unit.xml || $(call left,unit)
-@$(RUN) tests/levels/fuzz.py --seconds $(FUZZ_SECONDS) --jobs $(JOBS) \
-	--junit build/test/fuzz.xml || $(call left,fuzz)
-@$(RUN) -m pytest tests --ignore=tests/bench --ignore=tests/image --ignore=tests/update $(PYTEST) \
-	--junit-xml=build/test/host.xml || \
-	$(call left,host)
-@$(RUN) -m pytest tests/bench tests/update $(PYTEST) --junit-xml=build/test/system.xml || $(call left,system)
-endef
+test-begin:
+	@rm -rf build/test && mkdir -p build/test && date +%s >build/test/started
+	@$(MAKE) --no-print-directory setup
 
-PYTEST = -o cache_dir=build/pytest -ra --continue-on-collection-errors
+# Each can be had alone: make test-begin level-unit.
+FUZZ_SECONDS ?= 5
+.PHONY: level-check level-unit level-fuzz level-parts level-smoke
+level-check:
+	$(LEVEL) check $(RUN) tests/levels/check.py --junit build/test/check.xml
+
+level-unit: unit
+	$(LEVEL) unit env UBSAN_OPTIONS=print_stacktrace=1 ctest --test-dir build/unit -j 4 \
+		--no-tests=error --output-on-failure \
+		--test-output-size-passed 1000000 --test-output-size-failed 1000000 \
+		--output-junit $(CURDIR)/build/test/unit.xml
+
+level-fuzz: fuzzers
+	$(LEVEL) fuzz $(RUN) tests/levels/fuzz.py --seconds $(FUZZ_SECONDS) --jobs $(JOBS) \
+		--junit build/test/fuzz.xml
+
+# Most of them wait for something, and not for a processor.
+level-parts: daemon appliance
+	$(LEVEL) parts $(RUN) -m pytest $(TESTS) -m '$(PARTS)' $(SPREAD) $(PYTEST) \
+		--junit-xml=build/test/parts.xml
+
+level-smoke: appliance
+	$(LEVEL) smoke $(RUN) -m pytest tests/smoke $(PYTEST)-smoke --junit-xml=build/test/smoke.xml
+
+.PHONY: level-system level-bench level-soak level-without
+level-system: appliance
+	$(LEVEL) system $(RUN) -m pytest $(TESTS) -m 'booted and not long' $(PYTEST) --junit-xml=build/test/system.xml
+
+COMMAND = $(RUN) tests/levels/command.py build/test/$(1).xml $(RUN)
+level-bench: daemon
+	$(LEVEL) bench $(call COMMAND,bench) tests/host/bench.py
+
+level-soak: appliance
+	$(LEVEL) soak env SECONDS=600 $(call COMMAND,soak) tests/bench/soak.py
+
+level-without: appliance
+	$(LEVEL) without $(call COMMAND,without) tests/bench/without.py
+
+# Whether the gate says the same thing each time; STRESS= beside so many busy processes.
+.PHONY: steady
+steady: setup
+	@COUNT='$(or $(COUNT),10)' STRESS='$(or $(STRESS),0)' $(RUN) tests/steady.py
 
 .PHONY: system faults-without
 system: appliance debian-tests
-	@$(RUN) -m pytest tests/bench tests/update $(PYTEST)
+	@$(RUN) -m pytest $(TESTS) -m 'booted and not long' $(PYTEST)
 
 faults-without: appliance
 	@$(RUN) tests/bench/without.py
@@ -225,13 +250,12 @@ faults-without: appliance
 # Bundles, refusals, trials, roll-backs.
 .PHONY: update power-cuts
 update: appliance
-	@TEST_LONG=1 $(RUN) -m pytest tests/update --ignore=tests/update/test_power_cuts.py $(PYTEST)
+	@$(RUN) -m pytest tests/update --ignore=tests/update/test_power_cuts.py $(PYTEST)
 
 # Goes on where it was broken off; CONTROL= takes a protection out, and has to fail.
-COUNT ?= 300
 SEED ?= 1
 power-cuts: appliance
-	@$(RUN) -m update.power_cuts --count $(COUNT) --seed $(SEED) $(if $(CONTROL),--control $(CONTROL))
+	@$(RUN) -m update.power_cuts --count $(or $(COUNT),300) --seed $(SEED) $(if $(CONTROL),--control $(CONTROL))
 
 .PHONY: check format
 check: build/venv/stamp debian-tests

@@ -1,8 +1,9 @@
 """Adds up what the levels of `make test` left in build/test: each LEVEL.xml in JUnit's form, and
 LEVEL.exit when its runner's exit code wasn't 0.
 
-The last line is the count, alone. Exits with 0 only when nothing failed and every level that was
-asked for left results with at least one test in them.
+What a test of real time measured on a machine with other work is not judged: it says nothing of the code, is listed
+with its figure, and counts apart. The last line is the count, alone. Exits with 0 only when nothing failed and every
+level that was asked for left results with at least one test in them.
 """
 
 import re
@@ -16,9 +17,11 @@ from xml.etree import ElementTree
 CMOCKA = re.compile(r"^\[  *(RUN|OK|FAILED|SKIPPED|ERROR)  *\] (\S+)$")
 # What says most in the output of a program that failed.
 TELLING = re.compile(r"runtime error: |ERROR: \S|: error: ")
+NOT_JUDGED = "not judged: "  # conftest.py
+SLOWEST = 10
 CMOCKA_RESULTS = {"OK": "passed", "FAILED": "failed", "ERROR": "failed", "SKIPPED": "skipped"}
 
-Result = tuple[str, str, str]  # "passed", "failed" or "skipped"; the test's name; why
+Result = tuple[str, str, str]  # "passed", "failed", "skipped" or "not judged"; the test's name; why
 
 
 def level(path: Path) -> list[Result]:
@@ -56,8 +59,10 @@ def result(case: ElementTree.Element) -> Result:
     for tag, verdict in (("failure", "failed"), ("error", "failed"), ("skipped", "skipped")):
         element = case.find(tag)
         if element is not None:
-            text = element.get("message") or element.text or ""
-            return verdict, name, text.strip() or case.findtext("system-out") or "no reason given"
+            text = (element.get("message") or element.text or "").strip()
+            if verdict == "skipped" and text.startswith(NOT_JUDGED):
+                return "not judged", name, text.removeprefix(NOT_JUDGED)
+            return verdict, name, text or case.findtext("system-out") or "no reason given"
     return "passed", name, ""
 
 
@@ -77,6 +82,18 @@ def cmocka(program: str, output: str) -> list[Result]:
     return list(found.values())
 
 
+def slowest(paths: list[Path]) -> list[tuple[float, str]]:
+    """What single tests took, the longest first."""
+    found = []
+    for path in filter(Path.exists, paths):
+        try:
+            for case in ElementTree.parse(path).iter("testcase"):
+                found.append((float(case.get("time") or 0), result(case)[1]))
+        except ElementTree.ParseError:
+            continue  # recorded() has counted it as a failure
+    return sorted(found, reverse=True)[:SLOWEST]
+
+
 def headline(why: str) -> str:
     lines = why.strip().splitlines()
     return next(filter(TELLING.search, lines), lines[0])
@@ -85,27 +102,31 @@ def headline(why: str) -> str:
 def main() -> int:
     folder, levels = Path(sys.argv[1]), sys.argv[2:]
     total: Counter[str] = Counter()
-    failed: list[Result] = []
-    skipped: list[Result] = []
+    listed: dict[str, list[Result]] = {"skipped": [], "not judged": [], "failed": []}
     print("\nSummary")
     for name in levels:
         found = level(folder / f"{name}.xml")
         counts = Counter(verdict for verdict, _, _ in found)
         total += counts
-        failed += [one for one in found if one[0] == "failed"]
-        skipped += [one for one in found if one[0] == "skipped"]
+        for verdict, some in listed.items():
+            some += [one for one in found if one[0] == verdict]
         print(
-            f"  {name:8} {counts['passed']:5} passed {counts['failed']:5} failed "
-            f"{counts['skipped']:5} skipped"
+            f"  {name:8} {counts['passed']:5} passed {counts['failed']:5} failed {counts['skipped']:5} skipped"
+            + (f" {counts['not judged']:5} not judged" if counts["not judged"] else "")
         )
-    for title, some in (("Skipped", skipped), ("Failed", failed)):
+    print("Slowest")
+    for seconds, name in slowest([folder / f"{name}.xml" for name in levels]):
+        print(f"  {seconds:6.1f} s  {name}")
+    for verdict, some in listed.items():
         if some:
-            print(title)
+            print(verdict.capitalize())
         for _, name, why in some:
             print(f"  {name}: {headline(why)}")
     started = folder / "started"
     if started.exists():
         print(f"Took {time.time() - int(started.read_text()):.0f} s, set-up and building included")
+    if total["not judged"]:
+        print(f"{total['passed']} passed, {total['failed']} failed, {total['not judged']} not judged")
     print(f"{total['passed']} passed, {total['failed']} failed, {total['skipped']} skipped")
     return 0 if total["passed"] and not total["failed"] else 1
 

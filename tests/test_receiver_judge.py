@@ -7,6 +7,7 @@ import pytest
 import receiver_synthetic as air
 from receiver.conformance import Options, judge
 from receiver.flight_log import read_flight_log
+from receiver.report import complete_figures, report_text
 from receiver.set_log import read_set_log
 from receiver_synthetic import Faults, encode_fix, pack, transmit
 
@@ -139,6 +140,21 @@ def test_one_lost_location_per_three_seconds():
     assert judgement.findings.counts["interval.reception"] >= 9
     assert judgement.figures["bt4_lost_payloads"] >= 9
     assert 1.7 < judgement.figures["bt4_location_reception_max_s"] < 2.2
+
+
+def test_without_time_a_late_transmitter_passes_and_a_wrong_one_fails():
+    """What was beyond its limits is counted all the same, and the report says so."""
+    run, _ = transmit(channels=("bt4",), seconds=30, interval_s=0.1, faults=Faults(schedule=air.two_deadlines))
+    options = Options(timing=False, limits={"bt4_location_reception_max_s": 0.1})
+    judgement = judge(run, options)
+    assert judgement.verdict == "PASS" and judgement.findings.not_judged["interval.reception"] >= 9
+    assert judgement.findings.not_judged["limit"] == 1
+    assert complete_figures(judgement)["not_judged"] == sum(judgement.findings.not_judged.values())
+    assert "[interval.reception] " in report_text(judgement, run, options, "late")
+    run, _ = transmit(faults=Faults(advertising=lose_counter), channels=("bt4",))
+    assert judge(run, Options(timing=False)).verdict == "FAIL"
+    run.receptions.clear()
+    assert judge(run, Options(timing=False)).findings.counts == {"nothing": 1}
 
 
 def test_lost_location_at_four_a_second_shows_in_the_counter_alone():

@@ -169,7 +169,7 @@ def test_unknown_time_and_direction_although_they_were_played(flight_log):
     run, _ = transmit(channels=("bt4",), seconds=6, faults=Faults(
         location=lambda fix, t: encode_fix(fix, hour_s=None, direction_deg=None)))
     found = counts(run, flight_log(air.played_log(8)))
-    assert found["played.time"] > 5 and found["played.direction"] > 5
+    assert found["played.time_unknown"] > 5 and found["played.direction"] > 5
 
 
 def test_time_that_nobody_told(flight_log):

@@ -8,6 +8,7 @@ import sys
 import time
 from pathlib import Path
 
+import patience
 import pytest
 
 import receiver_synthetic as air
@@ -209,7 +210,7 @@ def test_loss_is_seeded_and_has_the_share_and_bursts_asked_for():
 
 def receiver(*arguments, **environment):
     return subprocess.run([sys.executable, "-m", "receiver", *map(str, arguments)], text=True, capture_output=True,
-                          env={**os.environ, "PYTHONPATH": str(TESTS), **environment}, timeout=60)
+                          env={**os.environ, "PYTHONPATH": str(TESTS), **environment}, timeout=patience.LIMIT_S)
 
 
 def test_command_line_pass_fail_and_files(tmp_path, monkeypatch, capsys):
@@ -251,23 +252,22 @@ def test_usage_and_source_errors_exit_2(arguments, words):
 
 def test_follow_a_growing_file(tmp_path):
     """Beacons are appended while the listener runs; half a record is waited for."""
-    path = tmp_path / "growing.pcap"
-    listener = subprocess.Popen(
-        [sys.executable, "-m", "receiver", "--pcap", path, "--follow", "--seconds", "2.5", "--out", tmp_path / "out",
-         "--expect-messages", "location"], text=True, stdout=subprocess.PIPE,
-        env={**os.environ, "PYTHONPATH": str(TESTS)})
-    with open(path, "wb", buffering=0) as file:
+    path, log, sent = tmp_path / "growing.pcap", tmp_path / "log", 40
+    with open(path, "wb", buffering=0) as file, open(log, "w") as said:
         file.write(pcap_header() + pcap_record(beacon_frame(99), time.time() - 60))  # before the run
-        sent = 0
-        while listener.poll() is None and sent < 100:
-            record = pcap_record(beacon_frame(sent), time.time())
+        listener = subprocess.Popen(
+            [sys.executable, "-m", "receiver", "--pcap", path, "--follow", "--quiet", "--out", tmp_path / "out",
+             "--expect-messages", "location"], text=True, stdout=subprocess.PIPE, stderr=said,
+            env={**os.environ, "PYTHONPATH": str(TESTS)})
+        patience.wait_for("the listener", lambda: "listening" in log.read_text())
+        for counter in range(sent):
+            record = pcap_record(beacon_frame(counter), time.time())
             file.write(record[:40])
+            time.sleep(0.05)
             file.write(record[40:])
-            sent += 1
-            time.sleep(0.1)
-    text = listener.communicate()[0]
+        listener.terminate()
+        text = listener.communicate(timeout=patience.LIMIT_S)[0]
     rows = [json.loads(line) for line in (tmp_path / "out/receptions.jsonl").read_text().splitlines()]
-    assert len(rows) >= 15 and all(row["address"] == air.BSSID for row in rows), text
-    counters = [int(row["payload"][2:4], 16) for row in rows]
-    assert counters == list(range(counters[0], counters[0] + len(counters)))  # none lost, none from before
+    assert all(row["address"] == air.BSSID for row in rows)
+    assert [int(row["payload"][2:4], 16) for row in rows] == list(range(sent)), text  # none lost, none from before
     assert "FAIL" in text and "frozen payload" in text  # the position never moves

@@ -7,17 +7,10 @@ import pytest
 from host import parts
 
 from . import flights, runs
-from .machine import Machine, configuration, missing
+from .machine import Machine, configuration
 
 PASSWORD = "a-test-password"
 GROUND = configuration(maintenance={"password": PASSWORD})
-
-
-@pytest.fixture(scope="session", autouse=True)
-def machine_possible():
-    reason = missing()
-    if reason:
-        pytest.skip(reason)
 
 
 def started(folder, **options):
@@ -32,18 +25,18 @@ def started(folder, **options):
 
 
 @pytest.fixture(scope="module")
-def flying():
+def flying(machine_possible):
     """An appliance in a moving flight, all channels on the air, nothing wrong."""
     machine = started("flying")
     machine.play(flights.generate(machine.folder / "flight.tlog", 600))
-    machine.wait_on_air(position=True, timeout_s=60)
+    machine.wait_on_air(position=True)
     time.sleep(runs.SETTLE_S)
     yield machine
     machine.close()
 
 
 @pytest.fixture(scope="module")
-def grounded():
+def grounded(machine_possible):
     """An appliance whose autopilot was never heard: it counts as disarmed. Its maintenance has a password."""
     machine = started("grounded", config={"odid.conf": GROUND})
     yield machine
@@ -51,7 +44,7 @@ def grounded():
 
 
 @pytest.fixture
-def make_machine():
+def make_machine(machine_possible):
     """Machines of a test's own, switched off; they end with the test."""
     made = []
 

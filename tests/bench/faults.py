@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
-from host import parts
+import patience
 
 from . import disk as disks
 from .flights import restarted
@@ -32,6 +32,7 @@ class Injected:
     at: float
     back: float | None = None
     problems: list = field(default_factory=list)
+    late: list = field(default_factory=list)  # what was to be seen by then, and wasn't
 
 
 @dataclass(frozen=True)
@@ -140,27 +141,27 @@ def replugged(machine):
 
 
 def told(machine, since):
-    """Whether status and pilot were told of the silence in time: what is missing."""
+    """Whether status and pilot were told of the silence in time: what was late."""
     time.sleep(max(0.0, since + TOLD_S - time.monotonic()))
-    problems = []
+    late = []
     status = machine.status()
     if status is None or not any("autopilot" in problem["reason"] or "position" in problem["reason"]
                                  for problem in status["problems"]):
-        problems.append(f"odidctl status does not say within {TOLD_S:g} s that the autopilot is silent")
+        late.append(f"odidctl status does not say within {TOLD_S:g} s that the autopilot is silent")
     if not any(answer["mavpackettype"] == "OPEN_DRONE_ID_ARM_STATUS" and answer["status"] != 0
                and since < answer["mono"] <= since + TOLD_S for answer in machine.answers()):
-        problems.append(f"no ARM_STATUS told the pilot within {TOLD_S:g} s")
-    return problems
+        late.append(f"no ARM_STATUS told the pilot within {TOLD_S:g} s")
+    return late
 
 
 def silent(machine):
     at = time.monotonic()
     machine.player.order("pause")
-    problems = told(machine, at)
+    late = told(machine, at)
     time.sleep(2)
     back = time.monotonic()
     machine.player.order("resume")
-    return Injected(at, back, problems)
+    return Injected(at, back, late=late)
 
 
 def rebooted(machine):
@@ -170,12 +171,12 @@ def rebooted(machine):
     flight = restarted(machine.flight, machine.folder / "restarted.tlog", into_s + 1.5, boot_s=0.5)
     at = time.monotonic()
     machine.player.order("pause")
-    problems = told(machine, at)
+    late = told(machine, at)
     start_s = time.monotonic() - machine.flight_mono + 1
     machine.play(flight, start=start_s)
     played = machine.folder / "played.jsonl"
-    parts.wait_for("the flight to go on", lambda: "GLOBAL_POSITION_INT" in played.read_text(), 30, machine.player)
-    return Injected(at, time.monotonic(), problems)
+    patience.wait_for("the flight to go on", lambda: "GLOBAL_POSITION_INT" in played.read_text(), part=machine.player)
+    return Injected(at, time.monotonic(), late=late)
 
 
 def ours(machine):
@@ -225,7 +226,7 @@ def clock(machine):
 
 def data_full(machine):
     at = time.monotonic()
-    result = machine.run("dd if=/dev/zero of=/data/filler bs=64k", 60)
+    result = machine.run("dd if=/dev/zero of=/data/filler bs=64k")
     problems = [] if "No space" in result.output else [f"/data did not get full: {result.output}"]
     time.sleep(8)
     machine.must("rm /data/filler")

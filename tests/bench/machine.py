@@ -23,16 +23,16 @@ import time
 from collections import namedtuple
 from pathlib import Path
 
+import patience
+import quiet
 from host import parts
 from host.air import Air
 from host.controller import Rootcanal, free_ports
 from receiver.receptions import read_json_lines
 
 from . import disk as disks
-from . import standstill
 
 QEMU = "qemu-system-aarch64"
-SHELL_TIMEOUT_S = 60
 KILLED = 128 + 9  # exit code of a command that timeout(1) had to kill
 NICENESS = -10
 # From the kernel's start to init's, at most, on two processors that nobody else wants: the release image's (0.44 s was
@@ -53,28 +53,26 @@ def missing():
     return None
 
 
-def connect(path, timeout_s):
+def connect(path):
     """A UNIX socket that QEMU is about to make."""
-    deadline = time.monotonic() + timeout_s
-    while True:
+    def connected():
         one = socket.socket(socket.AF_UNIX)
         try:
             one.connect(str(path))
             return one
         except (FileNotFoundError, ConnectionRefusedError):
             one.close()
-            if time.monotonic() > deadline:
-                raise
-            time.sleep(0.02)
+            return None
+    return patience.wait_for(f"QEMU's socket {path.name}", connected)
 
 
 class Qmp:
     """QEMU's own control socket."""
 
     def __init__(self, path):
-        self._socket = connect(path, 10)
+        self._socket = connect(path)
         self._lines = self._socket.makefile("r", encoding="utf-8")
-        self._socket.settimeout(10)
+        self._socket.settimeout(patience.LIMIT_S)
         self._lines.readline()  # its greeting
         self.command("qmp_capabilities")
 
@@ -98,22 +96,23 @@ class Shell:
 
     # A shell behind the line: neither echo nor prompts nor a line's length matter there.
     TAKE_OVER = "stty raw -echo; echo 'BENCH: 'ready; cat | sh; exit"
+    ANSWER_S, READY_S = 0.3, 10  # then it is asked again: a machine that restarts forgets what it was told
 
-    def __init__(self, path, timeout_s, alive=lambda: None):
+    def __init__(self, path, alive=lambda: None):
         """alive raises when there is nothing left to wait for."""
-        deadline = time.monotonic() + timeout_s
-        self._socket, self._count, self._got = connect(path, 10), 0, b""
-        while True:
+        self._socket, self._count, self._got = connect(path), 0, b""
+
+        def taken_over():
+            alive()
             self.send("")  # a prompt that came before we did is lost
             try:
-                self._until(rb"[#$] ", 0.3)
-                break
+                self._until(rb"[#$] ", self.ANSWER_S)
+                self.send(self.TAKE_OVER)
+                self._until(rb"BENCH: ready\r?\n", self.READY_S)
             except TimeoutError:
-                alive()
-                if time.monotonic() > deadline:
-                    raise TimeoutError(f"no shell on the control console within {timeout_s} s") from None
-        self.send(self.TAKE_OVER)
-        self._until(rb"BENCH: ready\r?\n", timeout_s)
+                return False
+            return True
+        patience.wait_for("a shell on the control console", taken_over, limit_s=patience.BOOTED_S)
 
     def _until(self, pattern, timeout_s):
         """What comes before the pattern, and its match."""
@@ -138,19 +137,19 @@ class Shell:
 
     def send(self, command):
         """Doesn't wait for an end."""
-        self._socket.settimeout(SHELL_TIMEOUT_S)
+        self._socket.settimeout(patience.BOOTED_S)
         self._socket.sendall(f"{command}\n".encode())
 
-    def run(self, command, timeout_s=20):
+    def run(self, command):
         self._count += 1
-        mark = f"BENCH-{self._count}"
+        mark, limit_s = f"BENCH-{self._count}", patience.BOOTED_S
         # Ended in the machine, too: one command that hangs must not take the console from all others.
-        self.send(f"echo {mark}-begins; timeout -s KILL {int(timeout_s)} sh -c {shlex.quote(command)} </dev/null 2>&1; "
+        self.send(f"echo {mark}-begins; timeout -s KILL {limit_s} sh -c {shlex.quote(command)} </dev/null 2>&1; "
                   f"echo {mark}-ends $?")
-        self._until(rf"{mark}-begins\r?\n".encode(), timeout_s + 10)
-        output, end = self._until(rf"{mark}-ends (\d+)\r?\n".encode(), timeout_s + 10)
+        self._until(rf"{mark}-begins\r?\n".encode(), limit_s)
+        output, end = self._until(rf"{mark}-ends (\d+)\r?\n".encode(), 2 * limit_s)
         if int(end[1]) == KILLED:
-            raise TimeoutError(f"in the machine: {command}: not done within {timeout_s} s: {output[-300:]!r}")
+            raise TimeoutError(f"in the machine: {command}: not done within {limit_s} s: {output[-300:]!r}")
         return Result(int(end[1]), output.decode(errors="replace").replace("\r\n", "\n"))
 
     def close(self):
@@ -192,9 +191,8 @@ class Machine:
             tap = self._add(parts.Part(parts.python(
                 "bench.tap", "--listen", self._sockets / "wifi", "--out", self.pcap),
                 self.folder / "tap.log", raised=True))
-            parts.wait_for("the capture", (self._sockets / "wifi").exists, 10, tap)
-            self._add(parts.Part(parts.python("bench.standstill", "--out", self.folder / "standstill.jsonl"),
-                                 self.folder / "standstill.log"))
+            patience.wait_for("the capture", (self._sockets / "wifi").exists, part=tap)
+            self.watch = quiet.Watch(self.folder / "quiet.jsonl")
         except BaseException:
             self.close()
             raise
@@ -263,7 +261,7 @@ class Machine:
             raise
 
     def wait_shell(self):
-        self.shell = Shell(self._sockets / "control", SHELL_TIMEOUT_S, self._still_booting)
+        self.shell = Shell(self._sockets / "control", self._still_booting)
         self._uptime_to_mono_s = None
 
     def _still_booting(self):
@@ -293,20 +291,21 @@ class Machine:
             return
         for part in reversed(self.parts):
             part.stop()
-        if hasattr(self, "air"):
-            self.air.stop()
+        for one in ("air", "watch"):
+            if hasattr(self, one):
+                getattr(self, one).stop()
         self.rootcanal.stop()
         shutil.rmtree(self._sockets)
 
     # --- what goes on inside ------------------------------------------------
 
-    def run(self, command, timeout_s=20):
+    def run(self, command):
         """A command in the machine, as root: (exit code, output)."""
-        return self.shell.run(command, timeout_s)
+        return self.shell.run(command)
 
-    def must(self, command, timeout_s=20):
+    def must(self, command):
         """The same, when it can't fail: its output."""
-        result = self.run(command, timeout_s)
+        result = self.run(command)
         if result.code:
             raise RuntimeError(f"in the machine: {command}: exit code {result.code}: {result.output}")
         return result.output
@@ -331,13 +330,17 @@ class Machine:
             self._uptime_to_mono_s = min(tries)[1]
         return uptime_s + self._uptime_to_mono_s
 
-    def wait_inside(self, what, condition, timeout_s=20):
+    def wait_inside(self, what, condition):
         """Waits in the machine until a shell condition holds; time.monotonic() at which it did."""
-        result = self.run(f"n=0; until {condition}; do n=$((n + 1)); [ $n -lt {int(timeout_s * 50)} ] || exit 1; "
-                          "usleep 20000; done; cat /proc/uptime", timeout_s * 3 + 20)
-        if result.code:
-            raise TimeoutError(f"waited {timeout_s} s in vain for {what} in the machine: {result.output}")
-        return self.mono(float(result.output.splitlines()[-1].split()[0]))
+        try:
+            output = self.must(f"until {condition}; do usleep 20000; done; cat /proc/uptime")
+        except TimeoutError as error:
+            raise TimeoutError(f"waited in vain for {what} in the machine: {error}") from None
+        return self.mono(float(output.splitlines()[-1].split()[0]))
+
+    def wait_for(self, what, condition, within_s=None, every_s=0.2):
+        """As patience's, for what an emulated machine needs many steps for; asking costs it something."""
+        return patience.wait_for(what, condition, within_s, every_s=every_s, limit_s=patience.BOOTED_S)
 
     def status(self):
         """The daemon's own view, None when it doesn't answer."""
@@ -347,16 +350,20 @@ class Machine:
         except ValueError:
             return None
 
-    def wait_on_air(self, channels=CHANNELS, position=False, timeout_s=30):
+    def wait_on_air(self, channels=CHANNELS, position=False):
         """position: with a fresh one of the autopilot's."""
         def on_air():
             status = self.status()
             return (status is not None and (status["position"]["fresh"] or not position)
                     and all(status["channels"][one]["state"] == "on air" for one in channels))
         try:
-            parts.wait_for(f"{', '.join(channels)} on air{' with a position' if position else ''}", on_air, timeout_s)
+            self.wait_for(f"{', '.join(channels)} on air{' with a position' if position else ''}", on_air, every_s=0.05)
         except TimeoutError as error:
             raise TimeoutError(f"{error}; {self.run('odidctl status').output}") from None
+
+    def wait_all_five(self, channels=CHANNELS):
+        """Until each message was heard on each channel, from now on."""
+        self.air.wait_all_five(channels, limit_s=patience.BOOTED_S)
 
     def console_text(self):
         """The console since the last power-on."""
@@ -366,9 +373,8 @@ class Machine:
             log.seek(self._boot_from)
             return log.read().decode(errors="replace").replace("\r\n", "\n")
 
-    def wait_console(self, pattern, timeout_s=60):
-        return parts.wait_for(f"{pattern!r} on the console",
-                              lambda: re.search(pattern, self.console_text()), timeout_s)
+    def wait_console(self, pattern):
+        return self.wait_for(f"{pattern!r} on the console", lambda: re.search(pattern, self.console_text()), every_s=0.02)
 
     def started(self):
         """time.monotonic() at which the appliance's init was started."""
@@ -420,14 +426,9 @@ class Machine:
         path = self.folder / "answers.jsonl"
         return [answer for _, answer in read_json_lines(path)] if path.exists() else []
 
-    def stood_still_s(self, from_mono, until_mono):
-        """How long, at most at once, the machine that this one is emulated on stood still (standstill.py)."""
-        return standstill.longest_s(self.folder / "standstill.jsonl", from_mono, until_mono)
-
     def disturbed(self, from_mono, until_mono):
         """Why what was measured in between says little of the appliance; empty: nothing is known against it."""
-        seconds = self.stood_still_s(from_mono, until_mono)
-        return f"this machine stood still for {seconds:.2f} s" if seconds > 0 else ""
+        return self.watch.disturbed(from_mono, until_mono)
 
     def boot_disturbed(self):
         """The same of the last power-on. The kernel's start is the same work each time, right before ours:
@@ -451,7 +452,7 @@ class Machine:
         log = Path(f"{out}.log")
         log.unlink(missing_ok=True)  # an older judge's says "listening", too
         part = parts.Part([*words, "--quiet"], log)
-        parts.wait_for("the judge", lambda: "listening" in part.log(), 30, part)
+        patience.wait_for("the judge", lambda: "listening" in part.log(), part=part)
         return part
 
 

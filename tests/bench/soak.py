@@ -20,6 +20,7 @@ from pathlib import Path
 if __package__ is None:
     sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
+import quiet
 from bench import flights, limits
 from bench.machine import CHANNELS, Machine, missing
 from host import parts, program
@@ -95,11 +96,11 @@ def fly(machine, seconds):
             print(f"soak: {at_s:6.0f} s  RssAnon {one.rss_anon_kib} KiB, {one.file_descriptors} descriptors, "
                   f"{one.memory_kib} KiB available, tmpfs {one.tmpfs_kib} KiB, /data {one.data_kib} KiB", flush=True)
             time.sleep(max(0.0, min(EVERY_S, seconds - 4 - (time.monotonic() - start))))
-        code = judge.process.wait(timeout=300)
+        code = judge.process.wait()
     finally:
         judge.stop()
     print(judge.log())
-    return code, samples, machine.stood_still_s(start, time.monotonic())
+    return code, samples, quiet.stood_still_s(machine.watch.log, start, time.monotonic())
 
 
 def main():

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import pytest
 
 from .machine import configuration
+from .technician import REPORT, Technician
 
 GOOD = configuration()
-REPORT = "odid-report.txt"
 
 
 @dataclass(frozen=True)
@@ -71,28 +71,6 @@ WRONG = (
 )
 
 
-class Technician:
-    """With the CONFIG volume in a card reader, and then at power-on: the same script as at boot."""
-
-    def __init__(self, machine):
-        self.machine = machine
-
-    def mounted(self, command, timeout_s=30):
-        return self.machine.must("mkdir -p /tmp/config && mount -t vfat /dev/disk/odid/config /tmp/config && "
-                                 f"cd /tmp/config && ({command}); code=$?; cd /; umount /tmp/config; exit $code",
-                                 timeout_s)
-
-    def puts(self, files, last="true"):
-        self.machine.must("rm -rf /tmp/files && mkdir /tmp/files")
-        for name, content in files.items():
-            self.machine.put(f"/tmp/files/{name}", content if isinstance(content, bytes) else content.encode(), "644")
-        self.mounted(f"rm -rf * ._*; cp /tmp/files/* /tmp/files/.[_]* . 2>/dev/null; {last}; true")
-        self.machine.must("/etc/init.d/S40config start; true", 60)
-
-    def report(self):
-        return self.mounted(f"cat {REPORT} 2>/dev/null; true")
-
-
 @pytest.fixture
 def technician(grounded):
     one = Technician(grounded)
@@ -102,9 +80,7 @@ def technician(grounded):
 
 
 def on_the_air(machine):
-    heard = machine.air.heard("bt4", 1.5)
-    assert {one.data[2] >> 4 for one in heard} >= {0, 1, 3, 4, 5}  # all five messages
-    assert machine.air.receptions("wifi", heard[0].mono)
+    machine.wait_all_five(("bt4", "wifi"))
 
 
 @pytest.mark.parametrize("wrong", WRONG, ids=lambda wrong: wrong.name)

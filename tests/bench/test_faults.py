@@ -8,7 +8,7 @@ from . import faults, runs
 
 
 @pytest.fixture(scope="session")
-def outcomes(request):
+def outcomes(request, machine_possible):
     """All that were asked for, run once; the figures are written when it is all of them."""
     wanted = {item.callspec.params["name"] for item in request.session.items
               if "outcomes" in getattr(item, "fixturenames", ()) and hasattr(item, "callspec")}
@@ -25,7 +25,9 @@ def outcomes(request):
 def test_fault(outcomes, name):
     one = outcomes[name]
     assert not one.problems
-    assert one.gap_s is not None and one.gap_s <= one.limit_s, f"{one.channel}: {one.gap_s} s"
+    if one.verdict == "not judged":
+        pytest.skip(f"not judged: {one.disturbed}; {'; '.join(one.beyond)}")
+    assert one.verdict == "PASS", "; ".join(one.beyond)
 
 
 def test_the_list_is_whole():

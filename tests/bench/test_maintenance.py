@@ -62,7 +62,7 @@ def test_arming_ends_it(make_machine):
     time.sleep(4)
     assert machine.must("cat /run/odid-appliance/maintenance").strip() == "on"
     machine.play(flights.generate(machine.folder / "flight.tlog", 60))  # arms in its fourth second
-    machine.wait_on_air(position=True, timeout_s=60)
+    machine.wait_on_air(position=True)
     time.sleep(8)
     assert machine.must("cat /run/odid-appliance/maintenance").strip() == "off"
     assert machine.run("odidctl maintenance on").code != 0 or \

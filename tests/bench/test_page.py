@@ -1,68 +1,20 @@
 """The technician's page in the appliance: there in maintenance, gone when the aircraft is armed."""
 
-import http.client
 import json
 import os
-import socket
 import subprocess
 import threading
 import time
 from pathlib import Path
 
 import pytest
-from host import parts
 
 from . import flights
 from .conftest import GROUND, PASSWORD
+from .page import Page, listening
 
 NUMBER = "FIN87astrdge12k8"
 CLOSED_WITHIN_S = 5         # of arming: it is looked for every other second
-
-
-def free_tcp_port():
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        return one.getsockname()[1]
-
-
-class Page:
-    """The page from outside, by Ethernet; or by whatever answers at that port in the machine."""
-
-    def __init__(self, machine, port=80):
-        self.port = free_tcp_port()
-        self.cookie = ""
-        machine.qmp.command("human-monitor-command",
-                            **{"command-line": f"hostfwd_add net tcp:127.0.0.1:{self.port}-:{port}"})
-
-    def connect(self, timeout_s=5):
-        return http.client.HTTPConnection("127.0.0.1", self.port, timeout=timeout_s)
-
-    def ask(self, method, path, body=None, timeout_s=20, connection=None):
-        """The code and what came back; None when nothing answers."""
-        connection = connection or self.connect(timeout_s)
-        try:
-            connection.request(method, path, json.dumps(body) if body is not None else None,
-                               {"X-Odid-Page": "1", "Cookie": self.cookie})
-            answer = connection.getresponse()
-            text = answer.read()
-        except (OSError, http.client.HTTPException):
-            return None, None
-        if "Set-Cookie" in answer.headers:
-            self.cookie = answer.headers["Set-Cookie"].split(";")[0]
-        return answer.status, json.loads(text) if path.startswith("/api") else text
-
-
-def listening(machine):
-    """TCP ports that anything in the machine listens on: a scan that misses none."""
-    lines = machine.must("netstat -ltn | grep LISTEN; true").splitlines()
-    return {int(line.split()[3].rsplit(":", 1)[1]) for line in lines}
-
-
-def wait_until(what, condition, timeout_s=15):
-    """Returns how long it took."""
-    begun = time.monotonic()
-    parts.wait_for(what, condition, timeout_s)
-    return time.monotonic() - begun
 
 
 def is_on(machine):
@@ -78,7 +30,7 @@ def page(make_machine):
     page.machine = machine
     assert listening(machine) == set() and page.ask("GET", "/", timeout_s=3)[0] is None
     machine.must("odidctl maintenance on")
-    wait_until("the page", lambda: listening(machine) == {80})
+    machine.wait_for("the page", lambda: listening(machine) == {80})
     return page
 
 
@@ -107,9 +59,8 @@ def test_the_page_is_there_in_maintenance_and_gone_when_armed(page):
     idle = page.connect()
     assert page.ask("GET", "/api/status", connection=idle)[0] == 200
     machine.play(flights.generate(machine.folder / "flight.tlog", 60))  # arms in its fourth second
-    wait_until("arming", lambda: (machine.status() or {}).get("aircraft", {}).get("armed"), 30)
-    took_s = wait_until("the port to close", lambda: listening(machine) == set())
-    assert took_s < CLOSED_WITHIN_S
+    machine.wait_for("arming", lambda: (machine.status() or {}).get("aircraft", {}).get("armed"))
+    machine.wait_for("the port to close", lambda: listening(machine) == set(), CLOSED_WITHIN_S)
     assert page.ask("GET", "/api/status", connection=idle)[0] is None      # the open connection, too
     assert page.ask("GET", "/", timeout_s=3)[0] is None
     assert machine.must("nft list set inet odid maintenance").count("elements") == 0
@@ -141,14 +92,14 @@ def test_bundles_by_the_page(page, bundle):
     """Refused, cut short, installed: with SWUpdate itself at the other end."""
     machine = page.machine
     page.ask("POST", "/api/session", {"password": PASSWORD})
-    parts.wait_for("SWUpdate, and what watches it", lambda: machine.run(
-        "[ -S /run/swupdate/swupdateprog ] && [ -e /run/odid-appliance/update.json ] && usleep 1500000").code == 0, 60)
+    machine.wait_for("SWUpdate, and what watches it", lambda: machine.run(
+        "[ -S /run/swupdate/swupdateprog ] && [ -e /run/odid-appliance/update.json ] && usleep 1500000").code == 0)
 
     def status():
         return page.ask("GET", "/api/status")[1]
 
     def result(before):
-        parts.wait_for("a result", lambda: status()["last_update_mark"] != before, 60)
+        machine.wait_for("a result", lambda: status()["last_update_mark"] != before)
         return status()["last_update"]
 
     before = status()["last_update_mark"]
@@ -162,7 +113,7 @@ def test_bundles_by_the_page(page, bundle):
     refused = result(before)
     assert refused["outcome"] == "refused", refused
 
-    parts.wait_for("SWUpdate to be ready", lambda: status()["update"]["state"] == "idle", 30)
+    machine.wait_for("SWUpdate to be ready", lambda: status()["update"]["state"] == "idle")
     code, said = send(page, bundle)
     assert code == 202, said
     seen = set()
@@ -170,7 +121,7 @@ def test_bundles_by_the_page(page, bundle):
     def waits():
         seen.add(status()["update"]["state"])
         return "waiting-for-reboot" in seen
-    parts.wait_for("the end of the install", waits, 60)
+    machine.wait_for("the end of the install", waits)
     assert machine.status()["on_air"]
 
 
@@ -193,4 +144,4 @@ def test_what_the_page_costs(page):
     assert machine.status()["on_air"]
     serving = machine.must("pidof odid-web").split()
     machine.must(f"kill -9 {max(serving, key=int)}")
-    wait_until("the page again", lambda: page.ask("GET", "/", timeout_s=2)[0] == 200, 10)
+    machine.wait_for("the page again", lambda: page.ask("GET", "/", timeout_s=2)[0] == 200, 10)

@@ -36,7 +36,7 @@ def test_ssh_is_for_an_installed_key_only(make_machine, key, tmp_path):
     (machine.folder / "known_hosts").unlink(missing_ok=True)
     machine.power_on()
     machine.wait_on_air()
-    machine.wait_inside("the firewall", "[ -e /run/odid-appliance/firewall ]", 30)
+    machine.wait_inside("the firewall", "[ -e /run/odid-appliance/firewall ]")
     time.sleep(3)
     assert "LISTEN" not in machine.must("netstat -ltn"), "SSH listens though nobody could log in"
     machine.must("sync")
@@ -44,7 +44,7 @@ def test_ssh_is_for_an_installed_key_only(make_machine, key, tmp_path):
 
     machine.disk.put_config({"authorized_keys": key.with_suffix(".pub").read_bytes()})
     machine.power_on()
-    machine.wait_inside("SSH", "netstat -ltn | grep -q :22", 60)
+    machine.wait_inside("SSH", "netstat -ltn | grep -q :22")
     code, output = ssh(machine, key, "odidctl set self_id.description 'Set over SSH'")
     assert code == 0, output
     code, output = ssh(machine, key, "odidctl set system.category none-such")
@@ -56,7 +56,7 @@ def test_ssh_is_for_an_installed_key_only(make_machine, key, tmp_path):
 
     # What was said to be set is kept, and so is the host's key: the client would complain.
     machine.power_on()
-    machine.wait_inside("SSH", "netstat -ltn | grep -q :22", 60)
+    machine.wait_inside("SSH", "netstat -ltn | grep -q :22")
     code, output = ssh(machine, key, "odidctl get self_id.description")
     assert (code, output.strip().splitlines()[-1:]) == (0, ["Set over SSH"]), output
     machine.wait_on_air()
@@ -89,7 +89,7 @@ def test_the_flight_record_says_whether_it_was_on_the_air(make_machine):
 def test_a_board_without_radios_boots_and_says_so(make_machine):
     machine = make_machine("no-radios")
     machine.power_on(radios=False)
-    machine.wait_inside("all services", "pidof odid-recorder && [ -e /run/odid-appliance/booted ]", 30)
+    machine.wait_inside("all services", "pidof odid-recorder && [ -e /run/odid-appliance/booted ]")
     time.sleep(10)
     status = machine.status()
     assert status is not None and not status["on_air"]
@@ -122,17 +122,17 @@ def test_a_daemon_that_never_comes_back_is_taken_off_the_air(make_machine):
     # In the order in which it was done.
     assert status.code != 0 and re.search("taken off the air: (wlan0, hci0|hci0, wlan0)", status.output), status.output
     machine.must("umount $(which odid-daemon)")
-    machine.wait_on_air(position=True, timeout_s=30)
+    machine.wait_on_air(position=True)
 
 
 def test_a_modem_that_is_plugged_in_has_an_address_and_is_the_second_way_out(make_machine):
     """QEMU's USB network adapter, as modems that are Ethernet are one (CDC)."""
     machine = make_machine("modem")
     machine.power_on()
-    machine.wait_inside("a way out", "ip route | grep -q default", 60)
+    machine.wait_inside("a way out", "ip route | grep -q default")
     machine.qmp.command("netdev_add", type="user", id="modem", net="10.9.8.0/24")
     machine.qmp.command("device_add", driver="usb-net", id="modem", netdev="modem", bus="usb.0")
-    machine.wait_inside("the modem's address", "ip route | grep -q 'default via 10.9.8.2'", 60)
+    machine.wait_inside("the modem's address", "ip route | grep -q 'default via 10.9.8.2'")
     ways = re.findall(r"default via (\S+) dev (\S+) +metric (\d+)", machine.must("ip route"))
     (_, first, near), (_, second, far) = sorted(ways, key=lambda way: int(way[2]))
     assert first == "eth0" and int(near) < int(far)
@@ -141,6 +141,6 @@ def test_a_modem_that_is_plugged_in_has_an_address_and_is_the_second_way_out(mak
     machine.must("ip link set eth0 down")
     assert "10.9.8.2" in machine.must("ip route get 203.0.113.1")
     machine.qmp.command("device_del", id="modem")
-    machine.wait_inside("the modem's end", f"sv status udhcpc-{second} | grep -q ^down:", 20)
+    machine.wait_inside("the modem's end", f"sv status udhcpc-{second} | grep -q ^down:")
     assert not re.search("10.9.8", machine.must("ip route"))
     machine.wait_on_air()

@@ -11,6 +11,8 @@ import time
 from collections import namedtuple
 from pathlib import Path
 
+import patience
+
 from .front import COMMAND_COMPLETE, EVENT, Packets
 
 # data: from the application code on, that is 0x0D, counter, message or pack; mono: time.monotonic()
@@ -25,6 +27,8 @@ SCAN_1M_AND_CODED = 0x05
 SERVICE_DATA = bytes([0x16, 0xFA, 0xFF])  # AD type, UUID 0xFFFA
 VENDOR_ELEMENT = bytes([0xFA, 0x0B, 0xBC])  # the OUI of ASD-STAN
 PCAP_HEADER, PCAP_RECORD = 24, 16
+PACK = 0xF
+ALL_FIVE = {0, 1, 3, 4, 5}
 FIXED_FIELDS = 24 + 12  # of a beacon: MAC header, time stamp, interval, capabilities
 
 
@@ -56,7 +60,7 @@ class Scanner:
         self.receptions = []
         self._incomplete = {}  # address -> data so far
         self._packets = Packets()
-        self._socket = socket.create_connection(("127.0.0.1", hci_port), timeout=5)
+        self._socket = socket.create_connection(("127.0.0.1", hci_port), timeout=patience.LIMIT_S)
         self._command(RESET)
         self._command(SET_EVENT_MASK, b"\xff" * 8)
         self._command(LE_SET_EVENT_MASK, b"\xff" * 8)
@@ -152,6 +156,22 @@ class Air:
         since_mono = time.monotonic()
         time.sleep(seconds)
         return self.receptions(channel, since_mono)
+
+    def types(self, channel, since_mono=0.0):
+        """Which types of message, alone or in a pack: 0 Basic ID, 1 Location, 3 Self ID, 4 System, 5 Operator ID."""
+        found = set()
+        for one in self.receptions(channel, since_mono):
+            body = one.data[2:]
+            first = range(3, len(body), 25) if body[0] >> 4 == PACK else (0,)
+            found |= {body[at] >> 4 for at in first}
+        return found
+
+    def wait_all_five(self, channels, since_mono=None, limit_s=patience.LIMIT_S):
+        """Until each message was heard on each channel; from now on, or since an instant."""
+        since_mono = time.monotonic() if since_mono is None else since_mono
+        for channel in channels:
+            patience.wait_for(f"all five messages on {channel}",
+                              lambda channel=channel: self.types(channel, since_mono) >= ALL_FIVE, limit_s=limit_s)
 
     def stop(self):
         self._scanner.stop()

@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 from host import parts
-from host.air import Air
 
 
 @pytest.fixture
@@ -23,17 +22,15 @@ def short_folder():
 def bench(short_folder):
     """Starts benches: `one = bench(settings={"self_id": {...}}, mode="bcm43455", flight=path)`.
 
-    Each is a parts.Bench, the daemon started and what `channels` names on the air, with `heard(channel,
-    seconds)` and `air` beside its own status(), daemon.log(), daemon.stop(signal), front.order(...),
-    hostapd.order(...). All that was started ends with the test.
+    Each is a parts.Bench, the daemon started and what `channels` names on the air; its `air` has listened from the
+    beginning. All that was started ends with the test.
     """
     started = []
 
     def start(settings=None, mode="full", flight=None, hostapd=True, channels=None, flags=()):
         one = parts.Bench(short_folder / str(len(started)), mode=mode, settings=settings, hostapd=hostapd)
         started.append(one)
-        one.air = Air(one.rootcanal.hci_port, one.pcap if hostapd else None)
-        one.heard = one.air.heard
+        assert one.air  # it listens once it is asked for
         if channels is None:
             channels = ["bt4"] + ["bt5"] * (mode == "full") + ["wifi"] * hostapd
         one.start_daemon(*flags)
@@ -46,5 +43,3 @@ def bench(short_folder):
     for one in started:
         print(f"--- the daemon's log, {one.folder.name} ---\n{one.daemon.log() if one.daemon else ''}")
         one.stop()
-        if hasattr(one, "air"):
-            one.air.stop()

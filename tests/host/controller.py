@@ -7,14 +7,12 @@ is one of them, the judge's scanner another.
 import os
 import socket
 import subprocess
-import time
 from pathlib import Path
 
+import patience
 import rootcanal.binaries
 
 from . import realtime
-
-START_TIMEOUT_S = 10
 
 
 def free_ports(count):
@@ -42,22 +40,31 @@ class Rootcanal:
     """A running rootcanal; hci_port is where controllers are had."""
 
     def __init__(self, log_path):
+        self.log_path, tries = Path(log_path), 5
+        # A port that was free a moment ago may be somebody's by the time that it is asked for.
+        while not self._started():
+            tries -= 1
+            if not tries:
+                raise RuntimeError(f"rootcanal doesn't listen on port {self.hci_port}: see {log_path}")
+
+    def _started(self):
         program = Path(rootcanal.binaries.get_package_binary_resource_path("rootcanal"))
-        self.hci_port, link, link_ble, test = free_ports(4)
-        self._log = open(log_path, "wb")
+        ports = free_ports(4)
+        self.hci_port, link, link_ble, test = ports
+        self._log = open(self.log_path, "wb")
         self.process = subprocess.Popen(
             [program, f"-hci_port={self.hci_port}", f"-link_port={link}",
              f"-link_ble_port={link_ble}", f"-test_port={test}"],
             env={**os.environ, "LD_LIBRARY_PATH": str(program.parent)},
-            cwd=Path(log_path).parent, stdin=subprocess.DEVNULL, stdout=self._log,
+            cwd=self.log_path.parent, stdin=subprocess.DEVNULL, stdout=self._log,
             stderr=subprocess.STDOUT)
         realtime.raise_process(self.process.pid)
-        deadline = time.monotonic() + START_TIMEOUT_S
-        while not is_listening(self.hci_port):
-            if self.process.poll() is not None or time.monotonic() > deadline:
-                self.stop()
-                raise RuntimeError(f"rootcanal doesn't listen on port {self.hci_port}: see {log_path}")
-            time.sleep(0.05)
+        patience.wait_for(f"rootcanal on port {self.hci_port}; its log: {self.log_path}",
+                          lambda: self.process.poll() is not None or all(map(is_listening, ports)), every_s=0.05)
+        if self.process.poll() is None:
+            return True
+        self._log.close()
+        return False
 
     def stop(self):
         self.process.terminate()

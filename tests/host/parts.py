@@ -7,10 +7,12 @@ import signal
 import socket
 import subprocess
 import sys
-import time
 from pathlib import Path
 
+import patience
+
 from . import realtime
+from .air import Air
 from .controller import Rootcanal
 
 HERE = Path(__file__).resolve().parent
@@ -59,11 +61,11 @@ class Part:
     def log(self):
         return self.log_path.read_text(errors="replace")
 
-    def stop(self, how=signal.SIGTERM, timeout_s=5):
+    def stop(self, how=signal.SIGTERM):
         if self.process.poll() is None:
             self.process.send_signal(how)
             try:
-                self.process.wait(timeout_s)
+                self.process.wait(patience.LIMIT_S)
             except subprocess.TimeoutExpired:
                 self.process.kill()
                 self.process.wait()
@@ -78,18 +80,6 @@ def python(module, *arguments):
     return [sys.executable, "-m", module, *arguments]
 
 
-def wait_for(what, condition, timeout_s, part=None, every_s=0.02):
-    """The first value of the condition that is true."""
-    deadline = time.monotonic() + timeout_s
-    while time.monotonic() < deadline:
-        value = condition()
-        if value:
-            return value
-        time.sleep(every_s)
-    tail = f"; its log ends:\n{part.log()[-1500:]}" if part else ""
-    raise TimeoutError(f"waited {timeout_s} s in vain for {what}{tail}")
-
-
 class Bench:
     """Controller model, hostapd model and daemon around one folder; used by demo, bench and tests."""
 
@@ -100,7 +90,7 @@ class Bench:
         self.folder.mkdir(parents=True, exist_ok=True)
         self.mode, self.settings = mode, settings or {}
         self.parts = []
-        self.daemon = self.hostapd = None
+        self.daemon = self.hostapd = self._air = None
         self.set_log, self.pcap = self.folder / "set.jsonl", self.folder / "beacons.pcap"
         for stale in self.folder.glob("*.log"):
             stale.unlink()
@@ -132,7 +122,7 @@ class Bench:
         self.hostapd = self.add(Part(
             python("host.hostapd", "--dir", self.folder / "hostapd", "--iface", IFACE,
                    "--pcap", self.pcap), self.folder / "hostapd.log", orders=True, raised=True))
-        wait_for("hostapd's socket", control.exists, 5, self.hostapd)
+        patience.wait_for("hostapd's socket", control.exists, part=self.hostapd)
 
     def write_config(self):
         sections = {name: dict(keys) for name, keys in IDENTITY.items()}
@@ -154,17 +144,24 @@ class Bench:
                                      self.folder / "daemon.log"))
         return self.daemon
 
+    @property
+    def air(self):
+        """Listens from the first time it is asked for."""
+        if self._air is None:
+            self._air = Air(self.rootcanal.hci_port, self.pcap if self.hostapd else None)
+        return self._air
+
     def status(self):
         """The daemon's own view, None when it doesn't answer."""
         result = subprocess.run([CONTROL, "-run-dir", self.folder / "run", "status", "--json"],
-                                capture_output=True, text=True, timeout=10)
+                                capture_output=True, text=True, timeout=patience.LIMIT_S)
         return json.loads(result.stdout) if result.stdout else None
 
-    def wait_on_air(self, channels=("bt4", "bt5", "wifi"), timeout_s=8):
+    def wait_on_air(self, channels=("bt4", "bt5", "wifi"), within_s=None):
         def on_air():
             status = self.status()
             return status is not None and all(status["channels"][one]["state"] == "on air" for one in channels)
-        wait_for(f"{', '.join(channels) or 'the daemon'} on air", on_air, timeout_s, self.daemon)
+        patience.wait_for(f"{', '.join(channels) or 'the daemon'} on air", on_air, within_s, self.daemon)
 
     def play(self, flight, to=None, seconds=None, start=0):
         arguments = [flight, "--to", to or f"udp:127.0.0.1:{self.udp_port}", "--start", start,
@@ -176,10 +173,11 @@ class Bench:
                               raised=True))
 
     def judge(self, seconds, *arguments, quiet=True, out=None, show=False):
-        """Starts the judge; its report goes to out (default: the folder)."""
+        """Starts the judge; seconds None: until it is told to stop. Its report goes to out (default: the folder)."""
         words = python("receiver", "--hci", f"tcp-client:127.0.0.1:{self.rootcanal.hci_port}",
-                       "--set-log", self.set_log, "--seconds", seconds,
-                       "--out", out or self.folder, *arguments)
+                       "--set-log", self.set_log, "--out", out or self.folder, *arguments)
+        if seconds is not None:
+            words += ["--seconds", seconds]
         if self.hostapd:
             words += ["--pcap", self.pcap, "--follow"]
         if quiet:
@@ -191,6 +189,8 @@ class Bench:
     def stop(self):
         for part in reversed(self.parts):
             part.stop()
+        if self._air:
+            self._air.stop()
         self.rootcanal.stop()
 
 

@@ -10,6 +10,7 @@ import struct
 import sys
 import time
 
+import patience
 import pytest
 
 from host import air, hostapd, parts, tlog
@@ -44,7 +45,7 @@ class Host:
         self.fd = os.open(path, os.O_RDWR | os.O_NOCTTY)
         self.packets, self.events = Packets(), []
 
-    def receive(self, timeout_s=2.0):
+    def receive(self, timeout_s=patience.LIMIT_S):
         if not self.events:
             if not select.select([self.fd], [], [], timeout_s)[0]:
                 return None
@@ -136,6 +137,7 @@ def test_a_legacy_command_after_an_extended_one_is_refused_until_reset(front):
 
 
 def test_what_was_set_is_logged_with_its_channel_when_it_was_accepted(front):
+    begun = time.monotonic()
     part, host, log = front("full")
     long_range = bytes([0x05, 0x16, 0xFA, 0xFF, 0x0D, 1])
     for handle, properties, phy, data in ((0, 0x10, 1, advertisement(b"\x12")), (1, 0, 3, long_range)):
@@ -146,7 +148,7 @@ def test_what_was_set_is_logged_with_its_channel_when_it_was_accepted(front):
     rows = json_lines(log)
     assert [(row["channel"], row["data"]) for row in rows] == [
         ("bt4", advertisement(b"\x12").hex()), ("bt5", long_range.hex())]
-    assert all(0 <= time.monotonic() - row["mono"] < 5 and row["opcode"] == 0x2037 for row in rows)
+    assert all(begun <= row["mono"] <= time.monotonic() and row["opcode"] == 0x2037 for row in rows)
 
 
 def test_a_foreign_command_is_done_and_its_completion_shown(front):
@@ -162,7 +164,7 @@ def test_a_hung_controller_answers_nothing(front):
     part, host, _ = front("full")
     assert part.order("mute") == "done"
     os.write(host.fd, bytes.fromhex("01030c00"))
-    assert host.receive(0.3) is None
+    assert host.receive(0.3) is None  # to look that nothing comes
     assert part.order("unmute") == "done"
     assert host.command(RESET)[0] == 0
 
@@ -171,7 +173,7 @@ def test_an_unplugged_controller_hangs_up_and_a_fresh_one_comes(front, short_fol
     part, host, _ = front("full")
     assert part.order("unplug") == "done"
     assert not (short_folder / "bt").exists()
-    assert select.select([host.fd], [], [], 1)[0]  # readable: the end of it
+    assert select.select([host.fd], [], [], patience.LIMIT_S)[0]  # readable: the end of it
     with pytest.raises(OSError):
         if os.read(host.fd, 10) == b"":
             raise OSError("end of file")
@@ -181,40 +183,47 @@ def test_an_unplugged_controller_hangs_up_and_a_fresh_one_comes(front, short_fol
     fresh.close()
 
 
-def test_what_is_advertised_is_heard_and_what_is_replaced_at_once_is_not(front, rootcanal):
+def test_what_is_advertised_is_heard_and_what_is_replaced_is_not_any_more(front, rootcanal):
     _, host, _ = front("bcm43455")
     ear = air.Air(rootcanal.hci_port)
     try:
         def advertise(number):
             assert host.command(SET_DATA, bytes([31]) + advertisement(bytes([0x12, number])))[0] == 0
 
+        def numbers(since=0.0):
+            return [one.data[3] for one in ear.receptions("bt4", since)]
+
         assert host.command(SET_PARAMETERS, legacy_parameters(INTERVAL_100_MS))[0] == 0
         advertise(1)
         assert host.command(SET_ENABLE, b"\x01")[0] == 0
-        parts.wait_for("the first event", lambda: ear.receptions("bt4"), 2)
-        advertise(2)  # the next event is 100 ms away
+        patience.wait_for("the first one", lambda: 1 in numbers())
+        advertise(2)
         advertise(3)
-        time.sleep(0.3)
-        numbers = [one.data[3] for one in ear.receptions("bt4")]
+        patience.wait_for("the last one", lambda: 3 in numbers())
     finally:
         ear.stop()
-    assert set(numbers) == {1, 3} and numbers == sorted(numbers)
+    assert numbers() == sorted(numbers())
     assert all(one.data[:2] == b"\x0d\x07" for one in ear.receptions("bt4"))
+    # The next event was 100 ms away: what a program replaces within that time was never sent.
+    patience.promised(2 not in numbers(), "what was replaced at once was heard")
 
 
 def test_the_field_study_loses_a_location_every_three_seconds(rootcanal, short_folder):
+    """By what the model's own log says the interval is kept."""
     ear = air.Air(rootcanal.hci_port)
     model = parts.Part(parts.python("host.field_study", "--hci-port", rootcanal.hci_port, "--seconds", 11),
                        short_folder / "model.log")
     try:
-        assert model.process.wait(20) == 0, model.log()
-        times = [one.mono for one in ear.receptions("bt4") if one.data[2] >> 4 == 1]
+        assert model.process.wait(patience.LIMIT_S) == 0, model.log()
+        locations = [one for one in ear.receptions("bt4") if one.data[2] >> 4 == 1]
     finally:
         model.stop()
         ear.stop()
     own = json.loads(model.log().splitlines()[-1])
-    assert own["host_location_max_s"] < 1.05
-    assert max(later - earlier for earlier, later in zip(times, times[1:])) > 1.7
+    assert locations and own["host_location_max_s"] > 0
+    times = [one.mono for one in locations]
+    patience.promise("by its own log", own["host_location_max_s"], 1.05)
+    patience.promised(max(later - earlier for earlier, later in zip(times, times[1:])) > 1.7, "no Location was lost")
 
 
 # --- hostapd ----------------------------------------------------------------
@@ -228,11 +237,12 @@ def access_point(short_folder):
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as client:
         client.bind(str(short_folder / "client"))
         client.connect(str(short_folder / "h/wlan0"))
-        client.settimeout(0.5)
+        client.settimeout(patience.LIMIT_S)
 
         def ask(text):
             client.send(text.encode())
             return client.recv(4096).decode()
+        ask.client = client
         yield part, ask, short_folder / "b.pcap"
     part.stop()
 
@@ -249,6 +259,7 @@ def test_hostapd_answers_as_hostapd_does(access_point):
     assert part.order("disabled") == "done"
     assert "state=DISABLED\n" in ask("STATUS") and ask("UPDATE_BEACON") == "FAIL\n"
     assert part.order("mute") == "done"
+    ask.client.settimeout(0.5)  # nothing comes
     with pytest.raises(TimeoutError):
         ask("PING")
 
@@ -256,15 +267,13 @@ def test_hostapd_answers_as_hostapd_does(access_point):
 def test_an_element_is_in_the_beacons_from_the_update_on(access_point):
     _, ask, pcap = access_point
     assert ask("SET vendor_elements dd06fa0bbc0d0142") == "OK\n"
-    time.sleep(0.25)
+    time.sleep(0.25)  # of some beacons
     assert air.beacons(pcap) == []
     assert ask("UPDATE_BEACON") == "OK\n"
-    time.sleep(0.65)
-    found = air.beacons(pcap)
-    assert 5 <= len(found) <= 7
+    found = patience.wait_for("some beacons", lambda: len(found := air.beacons(pcap)) > 5 and found)
     assert {(one.data, one.address) for one in found} == {(b"\x0d\x01\x42", hostapd.BSSID.hex(":").upper())}
     gaps = [later.mono - earlier.mono for earlier, later in zip(found, found[1:])]
-    assert sum(gaps) / len(gaps) == pytest.approx(0.1024, abs=0.01)
+    patience.promise("the beacon interval's deviation", abs(sum(gaps) / len(gaps) - 0.1024), 0.01)
 
 
 # --- the flight and its player ----------------------------------------------
@@ -296,11 +305,12 @@ def test_the_generated_flight_agrees_with_itself(tmp_path):
 
 
 def test_the_player_keeps_bytes_and_time(tmp_path):
+    began = time.time(), time.monotonic()
     flight = tmp_path / "flight.tlog"
     write_flight(flight, 3)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ear:
         ear.bind(("127.0.0.1", 0))
-        ear.settimeout(2)
+        ear.settimeout(patience.LIMIT_S)
         player = parts.Part([sys.executable, "-m", "host.player", flight, "--to",
                              f"udp:127.0.0.1:{ear.getsockname()[1]}", "--seconds", "1.5",
                              "--played", tmp_path / "played.jsonl", "--answers", tmp_path / "answers.jsonl"],
@@ -315,17 +325,17 @@ def test_the_player_keeps_bytes_and_time(tmp_path):
                 heard.append((time.monotonic(), frame))
             heartbeat = tlog.mavlink.MAVLink_heartbeat_message(34, 8, 0, 0, 4, 3)
             ear.sendto(heartbeat.pack(tlog.mavlink.MAVLink(None, srcSystem=1, srcComponent=236)), sender)
-            parts.wait_for("the answer", (tmp_path / "answers.jsonl").read_text, 2, player)
+            patience.wait_for("the answer", (tmp_path / "answers.jsonl").read_text, part=player)
         finally:
             player.stop(signal.SIGTERM)
     assert [frame for _, frame in heard] == [frame for _, frame in expected]
     late = [mono - heard[0][0] - at_s for (mono, _), (at_s, _) in zip(heard, expected)]
-    assert sorted(late)[len(late) // 2] == pytest.approx(0, abs=0.02)
+    patience.promise("how late it plays, in the middle", abs(sorted(late)[len(late) // 2]), 0.02)
     answer = json_lines(tmp_path / "answers.jsonl")[0]
     assert (answer["mavpackettype"], answer["type"], answer["compid"]) == ("HEARTBEAT", 34, 236)
     played = json_lines(tmp_path / "played.jsonl")
     assert {row["mavpackettype"] for row in played} >= {"HEARTBEAT", "GLOBAL_POSITION_INT", "SYSTEM_TIME"}
-    assert all(abs(row["time"] - time.time()) < 60 and row["mono"] < time.monotonic() for row in played)
+    assert all(began[0] <= row["time"] <= time.time() and began[1] <= row["mono"] <= time.monotonic() for row in played)
 
 
 def test_what_is_no_log_is_said_clearly(tmp_path):
@@ -342,12 +352,12 @@ def test_what_is_no_log_is_said_clearly(tmp_path):
 def test_the_bench_is_heard_on_every_channel(bench, tmp_path):
     write_flight(tmp_path / "flight.tlog", 20)
     one = bench(settings={"self_id": {"description": "bench"}}, flight=tmp_path / "flight.tlog")
+    one.air.wait_all_five(("bt4", "bt5", "wifi"))
     for channel in ("bt4", "bt5", "wifi"):
-        heard = one.heard(channel, 1.2)
-        assert heard and all(reception.data[0] == 0x0D for reception in heard)
+        heard = one.air.receptions(channel)
+        assert all(reception.data[0] == 0x0D for reception in heard)
         assert any(b"bench" in reception.data for reception in heard)
     addresses = {reception.address for channel in ("bt4", "bt5") for reception in one.air.receptions(channel)}
     assert len(addresses) == 1
     assert one.daemon.stop() == 0
-    time.sleep(0.3)
-    assert one.heard("bt4", 0.5) == []
+    patience.wait_for("silence", lambda: one.air.heard("bt4", 1) == [])

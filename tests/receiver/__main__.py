@@ -22,11 +22,10 @@ from .messages import TYPE_NAMES
 from .receptions import CHANNELS, InputError, Run, align_clocks, read_receptions, write_receptions
 from .report import report_text, write_figures
 from .set_log import read_set_log
-from .sources import Ear, follow_pcap, listen_monitor, read_btsnoop, read_pcap, scan_hci
+from .sources import READY_S, Ear, follow_pcap, listen_monitor, read_btsnoop, read_pcap, scan_hci
 from .table import Screen
 
 REAL_TIME_PRIORITY = 5
-SOURCE_READY_S = 30
 
 
 def _list_of(allowed):
@@ -76,6 +75,8 @@ def _parser() -> argparse.ArgumentParser:
     add("--expect-messages", type=_list_of(tuple(TYPE_NAMES.values())), default=ALL_FIVE, metavar="MESSAGES")
     add("--any-version", action="store_true", help="accept older protocol versions (as a note)")
     add("--limit", action="append", default=[], type=_limit, metavar="NAME=VALUE", help="upper limit for a figure")
+    add("--without-time", action="store_true",
+        help="leave out what depends on when something was heard: for a machine with other work")
     add("--lost-margin", type=int, default=0, metavar="N", help="payloads that may be lost on Bluetooth 4")
     add("--warmup", type=float, default=0.0, metavar="S", help="don't judge intervals in the first S seconds")
     add("--loss", type=float, metavar="P", help="drop this share of all receptions (also: LOSS=P[,burst=N])")
@@ -113,13 +114,13 @@ async def _wait_ready(tasks: list, events: list[asyncio.Event], stop: asyncio.Ev
     waiting = [asyncio.ensure_future(event.wait()) for event in events]
     stopping = asyncio.ensure_future(stop.wait())
     try:
-        deadline = time.monotonic() + SOURCE_READY_S
+        deadline = time.monotonic() + READY_S
         while not all(w.done() for w in waiting) and not stopping.done():
             await asyncio.wait([*tasks, *waiting, stopping], timeout=0.2, return_when=asyncio.FIRST_COMPLETED)
             if any(task.done() for task in tasks):
                 return
             if time.monotonic() > deadline:
-                raise InputError(f"a live source isn't ready after {SOURCE_READY_S} s")
+                raise InputError(f"a live source isn't ready after {READY_S} s")
     finally:
         for future in (*waiting, stopping):
             future.cancel()
@@ -155,11 +156,11 @@ async def _listen_live(ear: Ear, arguments, screen: Screen | None) -> None:
                 task.result()  # a live source only ends by failing
     finally:
         ear.saw(time.monotonic())
-        # What came before every source listened, or stood in a growing file already, isn't this run's.
-        ear.run.receptions[:] = [r for r in ear.run.receptions if r.mono >= ear.run.start_mono]
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
+        # What came before every source listened, or stood in a growing file already, isn't this run's.
+        ear.run.receptions[:] = [r for r in ear.run.receptions if r.mono >= ear.run.start_mono]
 
 
 def _collect(arguments, loss: Loss) -> tuple[Run, Ear]:
@@ -217,8 +218,9 @@ def main(argv: list[str] | None = None) -> int:
     align_clocks(run, log.clock_offset_s if log else None)
     options = Options(
         expect_channels=arguments.expect, expect_messages=arguments.expect_messages, limits=dict(arguments.limit),
-        addresses=frozenset(arguments.address), any_version=arguments.any_version, lossy=bool(loss.probability),
-        lost_margin=arguments.lost_margin, warmup_s=arguments.warmup, seed=arguments.seed)
+        addresses=frozenset(arguments.address), any_version=arguments.any_version,
+        timing=not arguments.without_time, lossy=bool(loss.probability), lost_margin=arguments.lost_margin,
+        warmup_s=arguments.warmup, seed=arguments.seed)
     judgement = judge(run, options, log, set_log)
     text = report_text(judgement, run, options, arguments.title)
     if arguments.out:

@@ -29,6 +29,7 @@ class Options:
     limits: dict[str, float] = field(default_factory=dict)
     addresses: frozenset[str] = frozenset()
     any_version: bool = False
+    timing: bool = True  # False: what depends on when something was heard isn't judged (findings.py)
     lossy: bool = False  # receptions are dropped on purpose: intervals and losses aren't the transmitter's
     lost_margin: int = 0
     warmup_s: float = 0.0
@@ -49,7 +50,7 @@ class Judgement:
 
 def judge(run: Run, options: Options, log: FlightLog | None = None,
           set_log: dict[str, list[SetPayload]] | None = None) -> Judgement:
-    findings, figures = Findings(), {}
+    findings, figures = Findings(options.timing), {}
     tracks = _listen(run, findings, options.any_version)
     _check_presence(run, tracks, options, findings)
     _check_addresses(run, options, findings)

@@ -196,7 +196,7 @@ def _compare_time(location: Location, fix: Fix, reception: Reception, log: Fligh
     time_known_mono = log.system_times[0][0] if log.system_times else None
     if location.timestamp_s is None:
         if fix.hour_s is not None and time_known_mono is not None and fix.mono > time_known_mono + LATE_S:
-            bad("time", "Location timestamp (s of the UTC hour)", f"{fix.hour_s:.1f}", "unknown")
+            bad("time_unknown", "Location timestamp (s of the UTC hour)", f"{fix.hour_s:.1f}", "unknown")
     elif fix.source == "GLOBAL_POSITION_INT" and (
             time_known_mono is None or time_known_mono > reception.mono + CLOCK_TOLERANCE_S):
         bad("time", "Location timestamp before any SYSTEM_TIME was played", "unknown", location.timestamp_s)

@@ -28,7 +28,8 @@ def commit() -> str:
 
 def complete_figures(judgement: Judgement) -> dict:
     return {"commit": commit(), "date": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-            **judgement.figures, "violations": judgement.findings.total, "verdict": judgement.verdict}
+            **judgement.figures, "not_judged": sum(judgement.findings.not_judged.values()),
+            "violations": judgement.findings.total, "verdict": judgement.verdict}
 
 
 def write_figures(judgement: Judgement, folder: Path) -> None:
@@ -48,7 +49,7 @@ def report_text(judgement: Judgement, run: Run, options: Options, title: str) ->
         notes = ["receptions were dropped on purpose: intervals and lost payloads are judged by --limit only"] + notes
     if notes:
         lines += ["", "Notes"] + [f"  {note}" for note in notes]
-    lines += [""] + _violation_lines(judgement, run) + ["", judgement.verdict]
+    lines += [""] + _violation_lines(judgement, run) + _not_judged_lines(judgement) + ["", judgement.verdict]
     return "\n".join(lines) + "\n"
 
 
@@ -88,6 +89,15 @@ def _when(violation: Violation, run: Run) -> str:
     if violation.time is not None:
         return _clock(violation.time) + into_s
     return "--:--:--.---" + into_s if into_s else "whole run"
+
+
+def _not_judged_lines(judgement: Judgement) -> list[str]:
+    findings = judgement.findings
+    if findings.timing:
+        return []
+    over = ", ".join(f"[{kind}] {count}" for kind, count in sorted(findings.not_judged.items()))
+    return ["", "What is about time is shown above and was not judged"
+            + (f"; beyond its limits was: {over}" if over else "; nothing was beyond its limits")]
 
 
 def _violation_lines(judgement: Judgement, run: Run) -> list[str]:

@@ -26,6 +26,7 @@ _ADVERTISEMENT_DECODERS = {
     DLT_BLE_PHDR: carriers.advertisement_in_phdr,
     DLT_NORDIC_BLE: carriers.advertisement_in_nordic_sniffer}
 FOLLOW_POLL_S = 0.02
+READY_S = 60  # so long a controller may take to answer
 
 
 class Ear:
@@ -116,16 +117,22 @@ async def follow_pcap(ear: Ear, path: Path) -> None:
     """A pcap that another program on this machine appends to, until cancelled.  Its
     time stamps are this machine's real-time clock.  It may not exist yet."""
     reader = None
+
+    def take() -> None:
+        nonlocal reader
+        if reader is None and path.exists() and path.stat().st_size >= 24:
+            reader = open_capture(path)
+        if reader is not None:
+            to_mono_s = time.monotonic() - time.time()
+            for packet in reader.packets():
+                take_packet(ear, path, packet, packet.time + to_mono_s)
+
     try:
         while True:
-            if reader is None and path.exists() and path.stat().st_size >= 24:
-                reader = open_capture(path)
-            if reader is not None:
-                to_mono_s = time.monotonic() - time.time()
-                for packet in reader.packets():
-                    take_packet(ear, path, packet, packet.time + to_mono_s)
+            take()
             await asyncio.sleep(FOLLOW_POLL_S)
     finally:
+        take()  # what was sent before the end counts, however late this listener is
         if reader is None:
             ear.run.notes.append(f"{path.name}: never appeared while it was waited for")
         else:
@@ -182,10 +189,10 @@ async def scan_hci(ear: Ear, transport_name: str, ready: asyncio.Event) -> None:
         scanner = _Scanner(ear, host)
         transport.source.set_packet_sink(scanner)
         try:
-            await asyncio.wait_for(host.reset(), 10)
+            await asyncio.wait_for(host.reset(), READY_S)
             extended = host.supports_command(hci.HCI_LE_SET_EXTENDED_SCAN_ENABLE_COMMAND)
             coded = extended and host.supports_le_features(hci.LeFeatureMask.LE_CODED_PHY)
-            await asyncio.wait_for(_start_scanning(host, hci, extended, coded), 10)
+            await asyncio.wait_for(_start_scanning(host, hci, extended, coded), READY_S)
         except Exception as error:
             raise InputError(f"--hci {transport_name}: the controller doesn't scan: "
                              f"{type(error).__name__}: {error}") from error

@@ -5,6 +5,8 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import patience
+
 ROOT = Path(__file__).resolve().parent.parent.parent
 OVERLAY = ROOT / "overlay"
 BUSYBOX = shutil.which("busybox")
@@ -25,6 +27,7 @@ echo OK
 """
 NOTED = ("sv", "nft", "hostapd_cli", "ip")
 KEY = "7" * 64
+
 
 class Appliance:
     """A bare root with the overlay, and its scripts run in it."""
@@ -53,6 +56,14 @@ class Appliance:
         (self.root / path).parent.mkdir(parents=True, exist_ok=True)
         (self.root / path).write_text(text)
 
+    def change(self, path, *replacements):
+        """(old, new) in a script's text: a test needn't wait as long as the appliance does, or waits for something."""
+        text = self.read(path)
+        for old, new in replacements:
+            assert old in text, f"{path} has no {old!r}"
+            text = text.replace(old, new)
+        self.write(path, text)
+
     def read(self, path):
         return (self.root / path).read_text()
 
@@ -64,7 +75,11 @@ class Appliance:
         return ["unshare", "--mount", "sh", "-c", inside, str(self.root), f"PATH=/usr/bin:/bin; {command}"]
 
     def run(self, command, shell="/bin/sh"):
-        return subprocess.run(self.words(command, shell), capture_output=True, text=True, timeout=30)
+        return subprocess.run(self.words(command, shell), capture_output=True, text=True, timeout=patience.LIMIT_S)
+
+    def start(self, command):
+        """The same without waiting for its end. Signals get to it when it is one program, or begins with exec."""
+        return subprocess.Popen(self.words(command), stdin=subprocess.DEVNULL)
 
     def must(self, command):
         result = self.run(command)

@@ -54,7 +54,6 @@ def test_an_environment_that_can_not_be_written_is_a_fault(appliance):
 
 
 def test_an_environment_that_is_not_found_is_a_fault(appliance):
-    script = appliance.root / "lib/odid/board-settings"
-    script.write_text(script.read_text().replace("sleep 1", ":"))
+    appliance.change("lib/odid/board-settings", ("sleep 1", ":"))
     assert run(appliance, environment=None).returncode == 1
     assert "can't be read" in appliance.fault("board")

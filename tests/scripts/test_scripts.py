@@ -4,17 +4,20 @@ with programs that only note how they were called. What needs a whole machine is
 
 import os
 import re
+import signal
 import stat
-import subprocess
 import time
+from pathlib import Path
 
 import pytest
+from patience import LIMIT_S, stays, wait_for
 
 from .root import KEY, NOTES, OVERLAY
 
 
 def test_each_service_is_supervised_and_each_supervised_one_exists():
-    started = re.findall(r"^::respawn:(?:/bin/nice -n -\d+ )?/usr/bin/runsv /run/service/(\S+)$", (OVERLAY / "etc/inittab").read_text(), re.M)
+    started = re.findall(r"^::respawn:(?:/bin/nice -n -\d+ )?/usr/bin/runsv /run/service/(\S+)$",
+                         (OVERLAY / "etc/inittab").read_text(), re.M)
     services = {path.name for path in (OVERLAY / "etc/sv").iterdir()}
     assert sorted(started) == sorted(services)
     for name in services:
@@ -147,7 +150,10 @@ def supervised(appliance):
 def test_each_adapter_that_is_plugged_in_gets_an_address(appliance):
     supervised(appliance)
     for interface in ("eth1", "usb0", "wwan0", "lo", "sit0"):
-        appliance.must(f"ACTION=add MDEV={interface} /lib/odid/device-network; sleep 0.3")    # it isn't waited for
+        appliance.must(f"ACTION=add MDEV={interface} /lib/odid/device-network")
+    # They aren't waited for.
+    wait_for("three of them", lambda: len(appliance.calls()) >= 3)
+    time.sleep(0.3)
     assert sorted(appliance.calls()) == [f"runsv /run/service/udhcpc-{name}" for name in ("eth1", "usb0", "wwan0")]
     assert os.readlink(appliance.root / "run/service/udhcpc-usb0/run") == "/etc/sv/udhcpc/run"
 
@@ -161,8 +167,8 @@ def test_one_that_was_there_before_goes_on(appliance):
 
 def test_a_computer_on_the_usb_cable_is_given_an_address(appliance):
     supervised(appliance)
-    appliance.must("ACTION=add MDEV=gadget0 /lib/odid/device-network; sleep 0.3")
-    assert "runsv /run/service/udhcpd-gadget0" in appliance.calls()
+    appliance.must("ACTION=add MDEV=gadget0 /lib/odid/device-network")
+    wait_for("its DHCP server", lambda: "runsv /run/service/udhcpd-gadget0" in appliance.calls())
     assert "start 192.168.42.10\n" in appliance.read("run/udhcpd-gadget0.conf")
 
 
@@ -247,7 +253,14 @@ def test_maintenance_that_began_by_half_is_tried_again_and_ended_by_arming(appli
     appliance.write("lib/odid/maintenance", '#!/bin/sh\necho "maintenance $1" >>/calls\n[ "$1" = off ]\n')
     appliance.write("calls", "")
     appliance.settings(maintenance__at_boot="yes")
-    appliance.run("mkdir -p /dev && : >/dev/kmsg; timeout 6 sh /etc/sv/maintenance/run")
+    appliance.change("etc/sv/maintenance/run", ("pause 1\n", "pause 0.1\n"))
+    service = appliance.start("exec sh /etc/sv/maintenance/run")
+    try:
+        wait_for("its end", lambda: len(appliance.calls()) >= 3)
+        stays("nothing more is tried", lambda: len(appliance.calls()) == 3, 0.5)
+    finally:
+        service.kill()
+        service.wait()
     assert appliance.calls() == ["maintenance on", "maintenance on", "maintenance off"]
 
 
@@ -291,6 +304,7 @@ def stick(appliance):
     for name, command in STICK.items():
         appliance.write(f"usr/bin/{name}", f"#!/bin/sh\n{command}\n")
         (appliance.root / f"usr/bin/{name}").chmod(0o755)
+    appliance.change("lib/odid/update-stick", ("sleep 2", "sleep 0.1"))
     # Its shell would take its own applets.
     script = appliance.root / "lib/odid/update-stick"
     script.write_text(re.sub(r"\b(mount|umount|blkid) ", r"/usr/bin/\1 ", script.read_text()))
@@ -301,17 +315,19 @@ def stick(appliance):
     (appliance.root / "run/swupdate").mkdir()
     os.mknod(appliance.root / "run/swupdate/sockinstctrl", stat.S_IFSOCK | 0o600)
 
-    def plug(*versions, kind="vfat"):
+    def plug(*versions, kind="vfat", meanwhile=None):
         appliance.write("type", kind)
         for version in versions:
             appliance.write(f"stick/{version}.swu", f'software =\n{{\n\tversion = "{version}";\n'
                                                     '\thardware-compatibility: [ "odid-qemu" ];\n')
         appliance.write("calls", "")
         appliance.write("dev/kmsg", "")
-        appliance.must("MDEV=sda1 /lib/odid/update-stick")
-        deadline = time.monotonic() + 10
-        while (appliance.exists("run/stick") or not appliance.read("calls")) and time.monotonic() < deadline:
-            time.sleep(0.05)
+        # Without pipes: what it leaves running keeps them open.
+        assert appliance.start("MDEV=sda1 /lib/odid/update-stick").wait(LIMIT_S) == 0
+        wait_for("the stick to be mounted", appliance.calls)
+        if meanwhile:
+            meanwhile()
+        wait_for("the stick to be done with", lambda: not appliance.exists("run/stick"))
         return appliance.read("dev/kmsg"), [call for call in appliance.calls() if call.startswith("odidctl")]
 
     plug.appliance = appliance
@@ -345,9 +361,12 @@ def test_what_was_rolled_back_is_not_tried_again_whatever_came_since(stick):
 def test_what_the_boot_loader_has_just_given_up_is_waited_for(stick):
     """The service update writes it down some seconds after the stick was found."""
     (stick.appliance.root / "run/odid-appliance/update.json").unlink()
-    stick.appliance.must("(sleep 1; mkdir -p /data/odid; echo 1.11.0 >/data/odid/rolled-back; "
-                         "echo '{}' >/run/odid-appliance/update.json) >/dev/null 2>&1 &")
-    said, calls = stick("1.11.0")
+
+    def written_down():
+        stays("it waits", lambda: stick.appliance.exists("run/stick") and len(stick.appliance.calls()) == 1, 0.5)
+        stick.appliance.write("data/odid/rolled-back", "1.11.0\n")
+        stick.appliance.write("run/odid-appliance/update.json", "{}\n")
+    said, calls = stick("1.11.0", meanwhile=written_down)
     assert "was rolled back" in said and calls == []
 
 
@@ -376,26 +395,32 @@ def test_another_hawkbit_counts_when_no_update_is_going_on(appliance, url, told)
     appliance.settings(update__hawkbit_url="http://here", update__hawkbit_tenant="", update__hawkbit_id="me", basic_id__uas_id="")
     appliance.must("/lib/odid/update-hawkbit >/run/swupdate.hawkbit")
     appliance.settings(update__hawkbit_url=url, update__hawkbit_tenant="", update__hawkbit_id="me", basic_id__uas_id="")
-    appliance.must("(sleep 1; grep -c swupdate /calls >/early; echo '{ \"state\": \"idle\" }' >/run/odid-appliance/update.json) "
-                   ">/dev/null 2>&1 & /lib/odid/apply-configuration")
-    time.sleep(3.5)
-    assert [call for call in appliance.calls() if "swupdate" in call] == told and appliance.read("early") == "0\n"
+    appliance.change("lib/odid/apply-configuration", ("pause 2", "pause 0.1"))
+
+    def swupdate_told():
+        return [call for call in appliance.calls() if "swupdate" in call]
+    appliance.must("/lib/odid/apply-configuration")
+    stays("nobody is told in the middle of an update", lambda: not swupdate_told(), 0.5)
+    appliance.write("run/odid-appliance/update.json", '{ "state": "idle" }\n')
+    wait_for("it to be told", lambda: len(swupdate_told()) >= len(told))
+    time.sleep(0.5)
+    assert swupdate_told() == told
 
 
 # --- services -----------------------------------------------------------------------
 
 
 def ended(appliance, code, signal, times):
-    """What finish does after a service ended so often; without its pauses."""
-    appliance.write("usr/bin/pause", NOTES)
-    (appliance.root / "usr/bin/pause").chmod(0o755)
-    finish = appliance.root / "lib/odid/finish"
-    finish.write_text(finish.read_text().replace("sleep", "pause"))
-    (appliance.root / "run/service/test").mkdir(parents=True, exist_ok=True)
+    """What finish pauses after a service ended so often; it is only noted. And nobody is there after 15 s, to see that
+    the fault is over."""
+    if not appliance.exists("usr/bin/noted-sleep"):
+        appliance.write("usr/bin/noted-sleep", NOTES)
+        (appliance.root / "usr/bin/noted-sleep").chmod(0o755)
+        appliance.change("lib/odid/finish", ("exec sleep", "exec noted-sleep"), ("sleep 15", "exit"))
+        (appliance.root / "run/service/test").mkdir(parents=True)
     for _ in range(times):
         appliance.must(f"cd /run/service/test && /lib/odid/finish {code} {signal} 2>/dev/null")
-    time.sleep(0.3)
-    return [int(call.split()[1]) for call in appliance.calls() if call.startswith("pause")]
+    return [int(call.split()[1]) for call in appliance.calls() if call.startswith("noted-sleep")]
 
 
 def test_an_orderly_end_is_no_fault(appliance):
@@ -406,45 +431,51 @@ def test_an_orderly_end_is_no_fault(appliance):
 def test_one_that_keeps_failing_is_a_fault_and_started_less_often(appliance):
     assert ended(appliance, 1, 0, 3) == [], "a first failure is not waited for"
     assert appliance.fault("test") is None
-    pauses = ended(appliance, 1, 0, 6)
-    # 15 s are not its own, but those after which the fault would be over.
-    assert [pause for pause in pauses if pause != 15] == [1, 2, 3, 4, 5, 5]
+    assert ended(appliance, 1, 0, 6) == [1, 2, 3, 4, 5, 5]
+    assert "keeps ending (exit code 1)" in appliance.fault("test")
 
 
-@pytest.mark.parametrize("stays", [False, True])
-def test_without_its_port_mavlink_router_is_not_tried_again(appliance, stays):
+@pytest.mark.parametrize("stays_there", [False, True])
+def test_without_its_port_mavlink_router_is_not_tried_again(appliance, stays_there):
     """Its node is taken away a moment after mavlink-router has noticed."""
     appliance.write("run/mavlink-router.port", "/dev/ttyUSB0\n")
     appliance.write("dev/ttyUSB0", "")
-    vanish = "true" if stays else "(usleep 100000; rm /dev/ttyUSB0) &"
-    appliance.must(f"mkdir -p /run/service/mavlink-router/supervise; cd /run/service/mavlink-router; {vanish}\n"
+    if not stays_there:     # a moment: it has looked three times
+        appliance.change("etc/sv/mavlink-router/finish",
+                         ("usleep 30000", "usleep 30000; [ $tries -lt 3 ] || rm -f /dev/ttyUSB0"))
+    appliance.must("mkdir -p /run/service/mavlink-router/supervise; cd /run/service/mavlink-router\n"
                    "/etc/sv/mavlink-router/finish 1 0 2>/dev/null; [ -e supervise/control ] || : >supervise/control")
-    assert appliance.read("run/service/mavlink-router/supervise/control") == ("" if stays else "d")
-    assert ("unplugged" in (appliance.fault("autopilot") or "")) != stays
+    assert appliance.read("run/service/mavlink-router/supervise/control") == ("" if stays_there else "d")
+    assert ("unplugged" in (appliance.fault("autopilot") or "")) != stays_there
+
+
+def catches_term(pid):
+    caught, = re.findall(r"^SigCgt:\s*(\w+)$", Path(f"/proc/{pid}/status").read_text(), re.M)
+    return int(caught, 16) >> signal.SIGTERM - 1 & 1
 
 
 def test_an_orphan_is_taken_over_and_a_stranger_with_its_number_is_not(appliance):
     take_over = ". /lib/odid/functions && take_over test"
-    orphan = subprocess.Popen(appliance.words(f"{take_over}; exec sleep 100"))
+    orphan, monitor = appliance.start(f"{take_over}; exec sleep 1000"), None
     try:
-        deadline = time.monotonic() + 10
-        while not appliance.exists("run/pid/test") and time.monotonic() < deadline:
-            time.sleep(0.05)
-        pid, started = appliance.read("run/pid/test").split()
+        pid, started = wait_for("its number", lambda: appliance.exists("run/pid/test") and
+                                appliance.read("run/pid/test").split())
         assert int(pid) == orphan.pid
         appliance.write("run/pid/test", f"{pid} {int(started) + 1}\n")
         appliance.must(take_over)
         assert appliance.read("run/pid/test").split()[0] != pid, "a stranger was taken for the orphan"
         appliance.write("run/pid/test", f"{pid} {started}\n")
-        monitor = subprocess.Popen(appliance.words(f"{take_over}; echo a second one >>/calls"))
-        time.sleep(0.5)
+        monitor = appliance.start(f"{take_over}; echo a second one >>/calls")
+        wait_for("what stands for it to pass a signal on", lambda: catches_term(monitor.pid))
+        time.sleep(0.3)
         assert monitor.poll() is None and orphan.poll() is None
         monitor.terminate()  # what sv term does
-        assert orphan.wait(10) == -15
-        assert monitor.wait(10) == 0 and appliance.calls() == []
+        assert orphan.wait(LIMIT_S) == -15
+        assert monitor.wait(LIMIT_S) == 0 and appliance.calls() == []
     finally:
-        orphan.kill()
-        orphan.wait()
+        for one in filter(None, (orphan, monitor)):
+            one.kill()
+            one.wait()
 
 
 @pytest.mark.parametrize("comes, told", [("false", "d"), ("true", "du")])

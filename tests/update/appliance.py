@@ -1,9 +1,9 @@
 """An appliance that is updated: a bench's machine, and what an update's tests ask of it."""
 
-import functools
 import json
 import time
 
+import patience
 from bench import disk as disks
 from bench.machine import Machine
 from host import parts
@@ -15,8 +15,9 @@ STATE, RESULT = "/run/odid-appliance/update.json", "/data/odid/update.json"
 START = "U-Boot 20"
 
 
-# Asking costs the machine: seldom.
-wait_for = functools.partial(parts.wait_for, every_s=0.3)
+def wait_for(what, condition, within_s=None):
+    """As patience's, for what takes an emulated machine many steps. Asking costs it something: seldom."""
+    return patience.wait_for(what, condition, within_s, every_s=0.3, limit_s=patience.BOOTED_S)
 
 
 class Appliance:
@@ -33,23 +34,23 @@ class Appliance:
 
     def power_on(self, **options):
         self.machine.power_on(**options)
-        self.machine.wait_on_air(timeout_s=60)
+        self.machine.wait_on_air()
 
     def wait_ready(self):
         """Until it takes a bundle."""
         wait_for("SWUpdate and odid-update", lambda: self.machine.run(
-            f"[ -S /run/swupdate/swupdateprog ] && [ -e {STATE} ] && usleep 1500000").code == 0, 60)
+            f"[ -S /run/swupdate/swupdateprog ] && [ -e {STATE} ] && usleep 1500000").code == 0)
 
     def starts(self):
         """How often the boot loader began since power-on."""
         return self.machine.console_text().count(START)
 
-    def wait_restart(self, before, timeout_s=60):
+    def wait_restart(self, before):
         """Until the boot loader has begun again and a shell answers; time.monotonic() of the former."""
         if self.machine.shell:
             self.machine.shell.close()
             self.machine.shell = None
-        wait_for("a restart", lambda: self.starts() > before, timeout_s)
+        wait_for("a restart", lambda: self.starts() > before)
         began = time.monotonic()
         self.machine.wait_shell()
         return began
@@ -69,8 +70,8 @@ class Appliance:
     def result(self):
         return self._json(RESULT)
 
-    def wait_state(self, *states, timeout_s=90):
-        return wait_for(f"the state {' or '.join(states)}", lambda: self.state() in states, timeout_s)
+    def wait_state(self, *states, within_s=None):
+        return wait_for(f"the state {' or '.join(states)}", lambda: self.state() in states, within_s)
 
     def slot(self):
         return self.machine.must("cat /run/odid-appliance/slot").strip()
@@ -83,7 +84,7 @@ class Appliance:
 
     def kept(self):
         """What is on /data: lines of sha256sum; without the update's own notes, and what is written at any time."""
-        self.machine.wait_inside("the late host key", "[ -e /data/ssh/dropbear_ed25519_host_key ]", 60)
+        self.machine.wait_inside("the late host key", "[ -e /data/ssh/dropbear_ed25519_host_key ]")
         return set(self.machine.must("cd /data; find . -type f ! -name update.json ! -name trial.json ! -path './odid/flights*' "
                                      "! -path ./clock -exec sha256sum '{}' +").splitlines())
 
@@ -103,9 +104,9 @@ class Appliance:
 
     # --- doing ---------------------------------------------------------------
 
-    def install(self, bundle, rate=None, timeout_s=120):
+    def install(self, bundle, rate=None):
         """odidctl's exit code and output."""
-        return self.machine.run(f"odidctl update {self.server.url(bundle, rate)}", timeout_s)
+        return self.machine.run(f"odidctl update {self.server.url(bundle, rate)}")
 
     def begin(self, bundle, rate=None):
         """The same, without waiting for its end; its output is in /tmp/install, its code in /tmp/code."""
@@ -113,7 +114,7 @@ class Appliance:
         self.machine.shell.send(f"(odidctl update {self.server.url(bundle, rate)} >/tmp/install 2>&1; "
                                 "echo $? >/tmp/code) &")
 
-    def ended(self, timeout_s=90):
+    def ended(self):
         """What was begun: (exit code, output)."""
-        wait_for("odidctl", lambda: self.machine.run("[ -s /tmp/code ]").code == 0, timeout_s)
+        wait_for("odidctl", lambda: self.machine.run("[ -s /tmp/code ]").code == 0)
         return int(self.machine.must("cat /tmp/code")), self.machine.must("cat /tmp/install")

@@ -12,9 +12,8 @@ import re
 import time
 from pathlib import Path
 
-from host import parts
-
 from . import ddi
+from .appliance import wait_for
 from .server import paced, serve
 
 # hawkBit's own least interval, unless it is set otherwise. SWUpdate asks at this interval in the middle of a
@@ -30,10 +29,10 @@ def poll_octets(machine, server, polls=4):
         return sum(int(line) for line in machine.must(
             "cat /sys/class/net/eth0/statistics/rx_bytes /sys/class/net/eth0/statistics/tx_bytes").split())
     begun = server.polls
-    parts.wait_for("a poll", lambda: server.polls > begun, 60)
+    wait_for("a poll", lambda: server.polls > begun)
     time.sleep(1)       # until it is over, and the next one hasn't begun
     octets, begun = so_far(), server.polls
-    parts.wait_for("polls", lambda: server.polls >= begun + polls, 60)
+    wait_for("polls", lambda: server.polls >= begun + polls)
     time.sleep(1)
     return (so_far() - octets) // (server.polls - begun)
 

@@ -27,7 +27,7 @@ import time
 
 from bench import disk as disks
 from bench.machine import CHANNELS, Machine, configuration, missing
-from host import parts, program
+from host import program
 from receiver.receptions import read_json_lines
 
 from . import bundles, figures, preload, writes
@@ -39,7 +39,6 @@ FIRST, SECOND, THIRD = "From CONFIG", "Set by odidctl", "Set again"
 SETTINGS, SETTLED_S = 12, 6     # of the course without flushes; the file system writes by itself after 5 s
 VERSIONS = ("1.0.0", "2.0.0", "3.0.0")
 LONG_NAME, FIRST_CLUSTER = 0x0f, 26     # of an entry in a FAT directory: attributes; where a number is
-ON_AIR_S = 120      # nothing that is judged is a matter of seconds; the trial's minute is a part of it
 HARMLESS_FAULTS = {"autopilot", "watchdog", "update"}    # the last one: an update was rolled back
 JOBS = 2        # machines at a time, with one processor each
 
@@ -86,7 +85,7 @@ class Course:
 
     def set(self, description, environment=""):
         self.may("description", description)
-        self.machine.must(f"{environment} odidctl set self_id.description '{description}'", 30)
+        self.machine.must(f"{environment} odidctl set self_id.description '{description}'")
         self.must("description", description)
         time.sleep(2)
 
@@ -115,9 +114,9 @@ class Course:
         one = self.appliance
         old = one.version()
         self.install(bundles.bundle(f"v{version}", version), version, "installed")
-        self.machine.wait_on_air(timeout_s=60)
-        wait_for("the trial", lambda: one.state() == "trial", 60)
-        wait_for("the commit", lambda: one.state() == "idle", 120)
+        self.machine.wait_on_air()
+        wait_for("the trial", lambda: one.state() == "trial")
+        wait_for("the commit", lambda: one.state() == "idle")
         self.must("version", version)
         self.must("result", f"installed: {version}")
         self.expect(version, {"outcome": "installed", "from": old, "to": version})
@@ -128,9 +127,9 @@ class Course:
         self.may("fault", "slot")       # the boot loader says so, each time that it gives the new one up
         starts = self.install(bundles.bundle(failure.name, version, failure.changes), version, "rolled-back")
         if failure.itself:
-            one.wait_restart(starts, 180)
-        self.machine.wait_on_air(timeout_s=60)
-        wait_for("the end", lambda: one.state() == "idle", 60)
+            one.wait_restart(starts)
+        self.machine.wait_on_air()
+        wait_for("the end", lambda: one.state() == "idle")
         self.must("version", old)
         self.must("result", f"rolled-back: {version}")
         self.must("fault", None)
@@ -149,7 +148,7 @@ class Course:
         self.may("description", FIRST)
         self.may("result", "")
         self.machine.power_on()
-        self.machine.wait_on_air(timeout_s=60)
+        self.machine.wait_on_air()
         self.must("description", FIRST)
         if self.control == "no-flush":
             self.set_without_flushes()
@@ -272,8 +271,8 @@ class Judge:
         machine.power_on()
         self._wait_on_air()
         for channel in CHANNELS:
-            parts.wait_for(f"a reception on {channel}",
-                           lambda channel=channel: machine.air.receptions(channel, machine.powered_mono), 20)
+            wait_for(f"a reception on {channel}",
+                     lambda channel=channel: machine.air.receptions(channel, machine.powered_mono))
         took = round(time.monotonic() - machine.powered_mono, 1)
         return took, {
             "version": machine.must("cat /etc/odid/version").strip(),
@@ -284,8 +283,8 @@ class Judge:
     def _wait_on_air(self):
         """The version that lacks Bluetooth (the course has it fail) is on trial, and gives itself up after its minute."""
         if self.machine.must("cat /etc/odid/version").strip() == VERSIONS[1]:
-            self.appliance.wait_restart(1, ON_AIR_S)
-        self.machine.wait_on_air(timeout_s=ON_AIR_S)
+            self.appliance.wait_restart(1)
+        self.machine.wait_on_air()
 
     def _result(self):
         """What is said of the last update."""

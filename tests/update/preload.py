@@ -1,8 +1,8 @@
 """Functions to take the place of a program's own ones in the machine (LD_PRELOAD): protections taken out."""
 
 import subprocess
-
-from host import parts
+import tempfile
+from pathlib import Path
 
 REAL = """
 void *dlsym(void *handle, const char *name);
@@ -76,8 +76,7 @@ long read(int fd, void *data, unsigned long size)
 
 
 def put(machine, source, path):
-    built = parts.ROOT / "build/update/changed.so"
-    built.parent.mkdir(parents=True, exist_ok=True)
-    subprocess.run(["aarch64-linux-gnu-gcc", "-shared", "-fPIC", "-nostdlib", "-fno-builtin", "-o", built, "-x", "c", "-"],
-                   input=(REAL + source).encode(), check=True)
-    machine.put(path, built.read_bytes())
+    with tempfile.NamedTemporaryFile(suffix=".so") as built:
+        subprocess.run(["aarch64-linux-gnu-gcc", "-shared", "-fPIC", "-nostdlib", "-fno-builtin", "-o", built.name,
+                        "-x", "c", "-"], input=(REAL + source).encode(), check=True)
+        machine.put(path, Path(built.name).read_bytes())

@@ -30,7 +30,7 @@ def test_the_broadcast_goes_on(make_appliance, log):
     try:
         one.power_on()
         machine.play(log)
-        machine.wait_on_air(position=True, timeout_s=60)
+        machine.wait_on_air(position=True)
         one.wait_ready()
         time.sleep(SETTLE_S)
         bundle = bundles.bundle("good", NEWER)
@@ -41,7 +41,7 @@ def test_the_broadcast_goes_on(make_appliance, log):
         # The autopilot isn't switched off meanwhile; its cable is the machine's, and comes back with it.
         one.wait_restart(before)
         machine.play(log, start=LATER_S)
-        machine.wait_on_air(position=True, timeout_s=60)
+        machine.wait_on_air(position=True)
         time.sleep(SETTLE_S)
         begun = time.monotonic()
         one.wait_state("trial", "idle")
@@ -49,7 +49,7 @@ def test_the_broadcast_goes_on(make_appliance, log):
         time.sleep(SETTLE_S)
         windows["trial and commit"] = begun, time.monotonic()
     finally:
-        judge.stop(timeout_s=120)
+        judge.stop()
     contents = Contents(machine.folder / "judge/receptions.jsonl")
     for name, (start, end) in windows.items():
         gap_s, channel = contents.worst_gap(CHANNELS, start, end)

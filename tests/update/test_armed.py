@@ -28,13 +28,13 @@ def ready(make_appliance, request, logs):
     one.power_on()
     one.machine.play(logs[False])
     one.wait_ready()
-    wait_for("disarmed", lambda: one.armed() is False, 30)
+    wait_for("disarmed", lambda: one.armed() is False)
     return one
 
 
 def arm(appliance, logs, armed=True):
     appliance.machine.play(logs[armed])
-    wait_for("armed" if armed else "disarmed", lambda: appliance.armed() is armed, 30)
+    wait_for("armed" if armed else "disarmed", lambda: appliance.armed() is armed)
 
 
 def disarm_for_a_restart(appliance, logs):
@@ -48,7 +48,7 @@ def on_trial(appliance, bundle):
     """Its slot is started, and the daemon answers."""
     installed(appliance, bundle)
     appliance.machine.wait_shell()
-    wait_for("the daemon", appliance.machine.status, 30)
+    wait_for("the daemon", appliance.machine.status)
 
 
 def told(appliance, reason):
@@ -68,7 +68,7 @@ def test_armed_while_it_is_checked(ready, logs):
     bundle = bundles.bundle("good", NEWER)
     written = ready.sectors_written()
     ready.begin(bundle, rate=DESCRIPTION_RATE)
-    ready.wait_state("checking", timeout_s=10)
+    ready.wait_state("checking", within_s=10)
     arm(ready, logs)
     assert ready.state() == "checking"
     assert ready.ended()[0] == 1
@@ -92,7 +92,7 @@ def test_writing_stops(ready, logs, case):
     arm(ready, logs)
     if case == "lost_while_armed":
         ready.machine.unplug()
-    ready.wait_state("idle", timeout_s=10)
+    ready.wait_state("idle", within_s=10)
     result = ready.result()
     assert result["outcome"] == "refused"
     assert "armed" in result["sentence"]
@@ -106,7 +106,7 @@ def test_writing_stops(ready, logs, case):
         arm(ready, logs, False)
         time.sleep(3)
         ready.machine.unplug()
-        wait_for("lost", lambda: ready.armed() is None, 30)
+        wait_for("lost", lambda: ready.armed() is None)
         got = ready.install(bundle)
         assert got.code == 0, got.output
 
@@ -119,12 +119,12 @@ def test_marked_but_not_said(ready):
     before = ready.starts()
     ready.machine.must("fw_setenv trial b && fw_setenv upgrade_available 1 && "
                        "read -r pid _ </run/pid/swupdate && kill -9 $pid")
-    ready.wait_state("waiting-for-reboot", timeout_s=5)
+    ready.wait_state("waiting-for-reboot", within_s=5)
     assert ready.result() is None
     # It was half written.
     ready.wait_restart(before)
     assert ready.slot() == "a"
-    assert re.search("rolled back: slot b (damaged|unreadable)", wait_for("the result", ready.result, 30)["sentence"])
+    assert re.search("rolled back: slot b (damaged|unreadable)", wait_for("the result", ready.result)["sentence"])
 
 
 def test_no_restart_into_the_new_slot(ready, logs):
@@ -179,7 +179,7 @@ def test_after_a_watchdog_reset_armed_is_known_at_once(ready, logs):
     before = ready.starts()
     ready.machine.qmp.command("system_reset")
     ready.wait_restart(before)
-    wait_for("armed", ready.armed, 30)
+    wait_for("armed", ready.armed)
     ready.wait_state("trial")
     no_restart(ready, LONG_ENOUGH_S)
     assert ready.slot() == "b"

@@ -6,6 +6,7 @@ import urllib.error
 import urllib.request
 
 import pytest
+from patience import LIMIT_S
 
 from . import ddi
 from .hawkbit import HawkBit
@@ -29,7 +30,7 @@ def ask(server, method, path, message=None):
                                      data=None if message is None else json.dumps(message).encode(),
                                      headers={"Authorization": f"TargetToken {server.token}"})
     try:
-        with urllib.request.urlopen(request, timeout=5) as answer:
+        with urllib.request.urlopen(request, timeout=LIMIT_S) as answer:
             return answer.status, answer.read()
     except urllib.error.HTTPError as error:
         return error.code, error.read()

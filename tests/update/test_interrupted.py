@@ -21,7 +21,7 @@ def begun(ready):
 def kept(ready, before):
     """The restart comes, and then the trial is passed."""
     ready.wait_restart(before)
-    ready.machine.wait_on_air(timeout_s=60)
+    ready.machine.wait_on_air()
     ready.wait_state("trial")
     ready.wait_state("idle")
     assert ready.result()["outcome"] == "installed" and ready.version() == NEWER
@@ -56,8 +56,8 @@ def test_power_cut_between_the_reason_and_the_boot_loader_s_variables(ready):
                  ">/data/odid/update.json; sync")
     machine.cut_power()
     machine.power_on(wait=False)    # it may restart before there is a shell
-    ready.wait_restart(1, 90)
-    machine.wait_on_air(timeout_s=60)
+    ready.wait_restart(1)
+    machine.wait_on_air()
     assert ready.slot() == "a" and ready.result()["sentence"] == "The reason."
     ready.wait_state("idle")
     assert ready.variables()["upgrade_available"] == "0"
@@ -67,14 +67,14 @@ def test_what_is_refused_before_the_restart_does_not_hide_the_reason(ready):
     before, machine = ready.starts(), ready.machine
     assert ready.install(bundles.bundle("no_bluetooth", NEWER, NO_BLUETOOTH.changes)).code == 0
     ready.wait_restart(before)
-    machine.wait_inside("the trial", "[ -S /run/swupdate/sockinstctrl ] && grep -q trial /run/odid-appliance/update.json", 60)
+    machine.wait_inside("the trial", "[ -S /run/swupdate/sockinstctrl ] && grep -q trial /run/odid-appliance/update.json")
     machine.must(f"curl -sfo /tmp/noise.swu {ready.server.url(bundles.noise('noise'))}")
-    machine.wait_inside("the end of the trial", "grep -q waiting /run/odid-appliance/update.json", 90)
+    machine.wait_inside("the end of the trial", "grep -q waiting /run/odid-appliance/update.json")
     got = machine.run("odidctl update /tmp/noise.swu")
     assert got.code == 1 and ready.result()["outcome"] == "refused"
     ready.wait_restart(before + 1)
-    machine.wait_on_air(timeout_s=60)
-    result = wait_for("the result", ready.result, 30)
+    machine.wait_on_air()
+    result = wait_for("the result", ready.result)
     assert result["outcome"] == "rolled-back" and "Bluetooth" in result["sentence"], result
 
 
@@ -85,7 +85,7 @@ def test_settings_saved_on_trial_say_nothing_against_it(ready):
     machine = ready.machine
     ready.wait_state("trial")
     for number in range(4):
-        machine.must(f"sleep 14; odidctl set self_id.description 'Number {number}'", 60)
+        machine.must(f"sleep 14; odidctl set self_id.description 'Number {number}'")
     ready.wait_state("idle")
     assert ready.result()["outcome"] == "installed" and ready.version() == NEWER
     assert machine.must("odidctl get self_id.description").strip() == "Number 3"

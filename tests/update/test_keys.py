@@ -9,32 +9,39 @@ from .test_refused import accepted
 
 pytestmark = LONG
 
-def trust(machine, *certificates):
-    machine.put("/tmp/trusted.pem", b"".join(path.read_bytes() for path in certificates), "644")
-    machine.must("mount --bind /tmp/trusted.pem /etc/swupdate/trusted.pem && sv term swupdate; sleep 2")
+# The one before leaves its socket behind.
+RESTART = ("sv down swupdate; rm -f /run/swupdate/sock*; sv up swupdate; "
+           "until [ -S /run/swupdate/sockinstctrl ]; do usleep 10000; done")
 
 
-def trust_as_built(machine):
-    machine.must("umount /etc/swupdate/trusted.pem; sv term swupdate; sleep 2")
+def trust(appliance, *certificates):
+    appliance.machine.put("/tmp/trusted.pem", b"".join(path.read_bytes() for path in certificates), "644")
+    appliance.machine.must(f"mount --bind /tmp/trusted.pem /etc/swupdate/trusted.pem; {RESTART}")
+    appliance.wait_ready()
+
+
+def trust_as_built(appliance):
+    appliance.machine.must(f"umount /etc/swupdate/trusted.pem; {RESTART}")
+    appliance.wait_ready()
 
 
 def test_rotation(grounded):
-    machine, old, new = grounded.machine, bundles.KEYS, bundles.other_keys()
+    old, new = bundles.KEYS, bundles.other_keys()
     signed_by_old, signed_by_new = bundles.bundle("good", NEWER), bundles.bundle("another", NEWER, keys=new)
-    trust(machine, old / "signing.crt", new / "signing.crt")
+    trust(grounded, old / "signing.crt", new / "signing.crt")
     try:
         assert accepted(grounded, signed_by_old)
         assert accepted(grounded, signed_by_new)
     finally:
-        trust_as_built(machine)
-    trust(machine, new / "signing.crt")
+        trust_as_built(grounded)
+    trust(grounded, new / "signing.crt")
     try:
         assert accepted(grounded, signed_by_new)
         got = grounded.install(signed_by_old)
         assert got.code == 1, got.output
         assert "signed" in grounded.result()["sentence"]
     finally:
-        trust_as_built(machine)
+        trust_as_built(grounded)
 
 
 @pytest.mark.parametrize("date", ["1970-01-01 00:00:30", "2038-01-19 03:14:20", "2001-09-09 01:46:40"])

@@ -50,7 +50,7 @@ def plug(machine, image, read_only=True):
 
 def pull(machine):
     machine.qmp.command("device_del", id="stick")
-    wait_for("the stick to be gone", lambda: machine.run("[ -e /sys/class/block/sda ]").code != 0, 10)
+    wait_for("the stick to be gone", lambda: machine.run("[ -e /sys/class/block/sda ]").code != 0)
     machine.qmp.command("blockdev-del", **{"node-name": "stick"})
 
 
@@ -59,10 +59,10 @@ def exfat_stick(ready, name, *files):
     image, machine = blank(name, files), ready.machine
     call("mkfs.exfat", image)
     plug(machine, image, read_only=False)
-    wait_for("what it says of the stick", lambda: "no bundle for odid-qemu" in machine.console_text(), 60)
+    wait_for("what it says of the stick", lambda: "no bundle for odid-qemu" in machine.console_text())
     machine.must("mkdir /tmp/stick && mount -t exfat /dev/sda /tmp/stick")
     for file in files:
-        machine.must(f"curl -sf -o /tmp/stick/{file.name} {ready.server.url(file)}", 60)
+        machine.must(f"curl -sf -o /tmp/stick/{file.name} {ready.server.url(file)}")
     machine.must("umount /tmp/stick")
     pull(machine)
     return image
@@ -76,14 +76,14 @@ def test_the_newest_that_fits_is_taken_once(ready, kind):
     plug(ready.machine, exfat_stick(ready, "several", *files) if kind == "exfat" else
          stick("several", *files, kind=kind))
     before = ready.starts()
-    ready.wait_state("installing", timeout_s=60)
-    ready.wait_restart(before, 120)
-    ready.machine.wait_on_air(timeout_s=60)
+    ready.wait_state("installing")
+    ready.wait_restart(before)
+    ready.machine.wait_on_air()
     ready.wait_state("trial")
     ready.wait_state("idle")
     assert ready.version() == NEWER
     said = wait_for("what it says of the stick", lambda: re.search(
-        f"the stick .* has version {NEWER}, which is running", ready.machine.console_text()), 60)
+        f"the stick .* has version {NEWER}, which is running", ready.machine.console_text()))
     assert said
     assert ready.result()["outcome"] == "installed"
 
@@ -91,7 +91,7 @@ def test_the_newest_that_fits_is_taken_once(ready, kind):
 def test_a_stick_without_a_bundle(ready):
     image = stick("nothing", bundles.bundle("cm4", NEWER, board="cm4"))
     plug(ready.machine, image)
-    wait_for("what it says of the stick", lambda: "no bundle for odid-qemu" in ready.machine.console_text(), 60)
+    wait_for("what it says of the stick", lambda: "no bundle for odid-qemu" in ready.machine.console_text())
     assert ready.state() == "idle"
     assert ready.result() is None
 
@@ -101,12 +101,12 @@ def test_no_factory_reset_while_config_cannot_be_read(make_appliance):
     one = make_appliance("factory_without")
     one.power_on()
     machine = one.machine
-    machine.must("odidctl set self_id.description Changed", 30)
+    machine.must("odidctl set self_id.description Changed")
     before, ssid = one.starts(), machine.must("cat /data/secrets/wifi_ssid")
     machine.must("dd if=/dev/zero of=/dev/disk/odid/config bs=4096 count=16 conv=fsync 2>&1")
     machine.shell.send("odidctl factory-reset")
     one.wait_restart(before)
-    machine.wait_on_air(timeout_s=60)
+    machine.wait_on_air()
     assert machine.must("odidctl get self_id.description basic_id.uas_id").split() == ["Changed", "SSRS5GBG01"]
     assert machine.must("cat /data/secrets/wifi_ssid") == ssid
     assert "CONFIG can't be read" in machine.must("cat /run/faults/config")
@@ -118,14 +118,14 @@ def test_factory_reset(make_appliance):
         self_id={"description": "As on CONFIG"}, maintenance={"password": "a-test-password"})})
     one.power_on()
     machine = one.machine
-    machine.must("odidctl set self_id.description Changed", 30)
-    machine.must("odidctl set wifi.channel 11", 30)
+    machine.must("odidctl set self_id.description Changed")
+    machine.must("odidctl set wifi.channel 11")
     machine.wait_on_air()
     machine.must("echo x >/data/secrets/other; echo 7 >/data/odid/vehicle; sync; ls /data/odid/flights/*")
     before, ssid = one.starts(), machine.must("cat /data/secrets/wifi_ssid")
     machine.shell.send("odidctl factory-reset")
     one.wait_restart(before)
-    machine.wait_on_air(timeout_s=60)
+    machine.wait_on_air()
     assert machine.must("odidctl get self_id.description").strip() == "As on CONFIG"
     assert machine.must("odidctl get wifi.channel").strip() == "6"
     assert machine.must("odidctl get basic_id.uas_id").strip() == "SSRS5GBG01"
@@ -134,7 +134,7 @@ def test_factory_reset(make_appliance):
     assert machine.must("ls /data/odid/flights/*")
     machine.cut_power()
     one.power_on()
-    machine.must("odidctl set self_id.description Again", 30)
+    machine.must("odidctl set self_id.description Again")
     machine.must("sync")
     machine.cut_power()
     machine.power_on()

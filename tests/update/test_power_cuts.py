@@ -1,7 +1,8 @@
-"""A draw of the power cuts that `make power-cuts` goes through, and all of them in `make test-long`."""
+"""A draw of the power cuts that `make power-cuts` goes through, and all of them behind LONG."""
 
 import os
 
+import patience
 import pytest
 
 from bench import disk as disks
@@ -9,6 +10,8 @@ from bench import disk as disks
 from . import LONG, figures, power_cuts, writes
 
 COUNT, INSTALL_S = 20, 60
+
+pytestmark = pytest.mark.usefixtures("machine_possible")
 SLOTS = {disks.SLOT_A, disks.SLOT_B}
 
 
@@ -19,7 +22,7 @@ def test_each_cut_leaves_an_appliance_that_broadcasts():
     assert not [one for one in results if one["wrong"]]
     install_s = power_cuts.course_figures(short=True)["install_s"]
     figures.note(install_s=install_s)
-    assert install_s <= INSTALL_S
+    patience.promise("an installation", install_s, INSTALL_S)
 
 
 def test_a_slot_is_on_the_disk_before_it_is_marked():

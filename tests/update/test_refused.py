@@ -69,11 +69,11 @@ def any_signature(machine):
 
 
 def prevent_downgrade(machine):
-    machine.must("odidctl set update.prevent_downgrade yes", 30)
+    machine.must("odidctl set update.prevent_downgrade yes")
 
 
 def allow_downgrade(machine):
-    machine.must("odidctl set update.prevent_downgrade no", 30)
+    machine.must("odidctl set update.prevent_downgrade no")
     machine.wait_on_air()
 
 
@@ -137,7 +137,7 @@ def accepted(appliance, bundle):
         appliance.begin(bundle)
         try:
             wait_for("the mark in U-Boot's variables",
-                           lambda: appliance.variables().get("trial") == "b", 30)
+                           lambda: appliance.variables().get("trial") == "b")
             return True
         except TimeoutError:
             return False
@@ -238,7 +238,7 @@ def test_with_a_second_swupdate_it_would_be_written_meanwhile(grounded):
                  "until [ -S /run/second/sockinstctrl ]; do usleep 100000; done")
     try:
         machine.shell.send(f"TMPDIR=/run/second odidctl update {grounded.server.url(bundle)} >/dev/null 2>&1 &")
-        wait_for("the mark in U-Boot's variables", lambda: grounded.variables().get("trial") == "b", 30)
+        wait_for("the mark in U-Boot's variables", lambda: grounded.variables().get("trial") == "b")
         assert machine.run("[ -s /tmp/code ]").code     # the first one is being written still
     finally:
         machine.must("kill $(cat /tmp/second); fw_setenv upgrade_available 0; fw_setenv trial")
@@ -252,7 +252,7 @@ def test_refused_as_soon_as_swupdate_is_there(grounded):
     for _ in range(3):
         got = machine.run("rm -f /data/odid/update.json; sv down swupdate; rm -f /run/swupdate/sock*; sv up swupdate; "
                           "until [ -S /run/swupdate/sockinstctrl ]; do usleep 10000; done; "
-                          "odidctl update /tmp/noise.swu", 60)
+                          "odidctl update /tmp/noise.swu")
         assert got.code == 1, got.output
         assert "no bundle" in got.output or "no whole bundle" in got.output
 
@@ -329,17 +329,17 @@ def logs(tmp_path_factory):
 @pytest.fixture
 def armed(grounded, logs):
     grounded.machine.play(logs[True])
-    wait_for("armed", grounded.armed, 30)
+    wait_for("armed", grounded.armed)
     yield
     grounded.machine.play(logs[False])
-    wait_for("disarmed", lambda: grounded.armed() is False, 30)
+    wait_for("disarmed", lambda: grounded.armed() is False)
     time.sleep(3)
 
 
 def unplugged(appliance):
     """Its cable is pulled: it flies on."""
     appliance.machine.unplug()
-    wait_for("lost", lambda: appliance.armed() is None, 30)
+    wait_for("lost", lambda: appliance.armed() is None)
 
 
 def test_armed_and_lost_while_armed(grounded, armed):

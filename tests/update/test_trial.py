@@ -51,19 +51,19 @@ def installed(appliance, bundle):
     if appliance.machine.shell:
         appliance.machine.shell.close()
         appliance.machine.shell = None
-    wait_for("the restart", lambda: appliance.starts() > before, 60)
+    wait_for("the restart", lambda: appliance.starts() > before)
     return time.monotonic()
 
 
 def test_one_that_does_what_the_old_one_did_is_kept(ready):
     """In a hangar: no autopilot, no position."""
     machine = ready.machine
-    machine.must("odidctl set self_id.description Kept", 30)
+    machine.must("odidctl set self_id.description Kept")
     machine.wait_on_air()
     kept = ready.kept()
     began = installed(ready, bundles.bundle("good", NEWER))
     machine.wait_shell()
-    machine.wait_on_air(timeout_s=60)
+    machine.wait_on_air()
     figures.note(kept_restart_to_air_s=round(time.monotonic() - began, 1))
     assert ready.slot() == "b"
     assert ready.version() == NEWER
@@ -90,7 +90,7 @@ def test_one_that_does_what_the_old_one_did_is_kept(ready):
     # And back to an older one, which nobody forbade; the settings stay.
     installed(ready, bundles.bundle("older", OLDER))
     machine.wait_shell()
-    machine.wait_on_air(timeout_s=60)
+    machine.wait_on_air()
     ready.wait_state("trial")
     ready.wait_state("idle")
     assert ready.slot() == "a"
@@ -112,19 +112,19 @@ def test_one_that_fails_is_given_up_without_a_hand_on_it(ready, failure):
     began = installed(ready, bundle)
     if failure.itself:
         machine.wait_shell()
-        failed = wait_for("the reason", lambda: ready.result() and time.monotonic(), 120)
+        failed = wait_for("the reason", lambda: ready.result() and time.monotonic())
         ready.wait_restart(before + 1)
     else:
         if failure.name == "not_judged":    # the autopilot is told of the trial, without odid-update
             machine.wait_shell()
-            wait_for("the pilot's sentence", lambda: "update in progress" in machine.run("odidctl status").output, 60)
+            wait_for("the pilot's sentence", lambda: "update in progress" in machine.run("odidctl status").output)
             machine.shell.close()
             machine.shell = None
         wait_for("the old slot", lambda: re.search(
             r"odid\.slot=a odid\.fallback", machine.console_text()), GIVEN_UP_S[failure.name])
         failed = began if failure.name == "no_kernel" else time.monotonic()
         machine.wait_shell()
-    machine.wait_on_air(timeout_s=60)
+    machine.wait_on_air()
     took = time.monotonic() - failed
     figures.note(**{f"{failure.name}_failed_to_air_s": round(took, 1),
                     f"{failure.name}_restart_to_air_s": round(time.monotonic() - began, 1)})
@@ -133,7 +133,7 @@ def test_one_that_fails_is_given_up_without_a_hand_on_it(ready, failure):
         assert time.monotonic() - began <= GIVEN_UP_S[failure.name]
     assert ready.slot() == "a"
     assert ready.version() == bundles.running_version()
-    result = wait_for("the result", ready.result, 30)
+    result = wait_for("the result", ready.result)
     assert result["outcome"] == "rolled-back"
     assert re.search(failure.says, result["sentence"]), result["sentence"]
     assert (result["from"], result["to"]) == (bundles.running_version(), NEWER)
@@ -182,17 +182,17 @@ def test_the_boot_loader_s_limit_of_starts(ready):
     """For a board that can't tell a power-on from a restart: 20 starts without a decision, whatever they were."""
     installed(ready, bundles.bundle("good", NEWER))
     machine = ready.machine
-    machine.wait_console(r"odid\.slot=b.* odid\.trial", 30)     # that start is counted
+    machine.wait_console(r"odid\.slot=b.* odid\.trial")     # that start is counted
     for number in range(STARTS_ON_TRIAL):
         machine.cut_power()
         machine.power_on(wait=False)
-        machine.wait_console(r"odid\.slot=(a|b)", 30)
+        machine.wait_console(r"odid\.slot=(a|b)")
         taken = re.search(r"odid\.slot=(a|b)", machine.console_text())[1]
         # The first of them was the restart after the install.
         assert taken == ("b" if number < STARTS_ON_TRIAL - 1 else "a"), f"start {number + 2}"
     ready.machine.wait_shell()
-    machine.wait_on_air(timeout_s=60)
-    result = wait_for("the result", ready.result, 30)
+    machine.wait_on_air()
+    result = wait_for("the result", ready.result)
     assert result["outcome"] == "rolled-back" and "started 20 times" in result["sentence"], result
     ready.wait_state("idle")
     assert (ready.variables()["slot"], ready.variables()["upgrade_available"]) == ("a", "0")
@@ -207,7 +207,7 @@ def test_a_committed_slot_that_panics_gives_way(ready):
     wait_for("the other slot", lambda: "odid.slot=b odid.fallback=slot-a-restarted-three-times" in machine.console_text(),
              GIVEN_UP_S["kernel_panics"])
     machine.wait_shell()
-    machine.wait_on_air(timeout_s=60)
+    machine.wait_on_air()
     assert "slot a restarted three times" in machine.must("cat /run/faults/slot")
     assert "slot a restarted three times" in machine.must("odidctl status; true")
     ready.wait_ready()
@@ -230,7 +230,7 @@ def test_a_committed_slot_that_rots_gives_way(ready, where):
     assert ready.variables().get("upgrade_available", "0") == "0"
     installed(ready, bundles.bundle("good", NEWER))
     machine.wait_shell()
-    machine.wait_on_air(timeout_s=60)
+    machine.wait_on_air()
     assert ready.slot() == "a"
     ready.wait_state("trial")
     ready.wait_state("idle")

@@ -12,8 +12,9 @@ import os
 import socket
 import subprocess
 import threading
-import time
 from pathlib import Path
+
+import patience
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
@@ -23,6 +24,15 @@ SSID, PASSWORD = "RemoteID-0A1B", "saltwater-and-wind"
 CONFIGURATION = "[basic_id]\nuas_id = SSRS5GBG01\n\n[operator]\noperator_id = SWE3jxza7qbzvu5d\n"
 # The serving half becomes a user with no rights; nobody is on every machine.
 USER = "nobody" if os.geteuid() == 0 else ""
+
+
+def process_says(pid, name):
+    """A line's first word in /proc/<pid>/status; None when there is no such process."""
+    try:
+        lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    except (FileNotFoundError, ProcessLookupError):
+        return None
+    return next(line.split()[1] for line in lines if line.startswith(name + ":"))
 
 
 def recorded():
@@ -77,17 +87,18 @@ class Appliance:
         self.write("data/secrets/maintenance.psk", key + "\n", 0o600)
         self.write("apply", f"#!/bin/sh\necho applied >>{self.folder}/applied\n", 0o755)
         self.daemon = Daemon(self.folder / "run")
-        self.port = self.process = None
+        # The port stays ours while the program isn't there: the kernel gives a bound one to nobody else, and the
+        # program may bind it, too.
+        self.place = socket.socket()
+        self.place.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        self.place.bind(("127.0.0.1", 0))
+        self.port = self.place.getsockname()[1]
         self.files, self.flags = files, flags
         self.start()
 
     # --- the program ---
 
     def start(self):
-        if self.port is None:
-            with socket.socket() as one:
-                one.bind(("127.0.0.1", 0))
-                self.port = one.getsockname()[1]
         self.log = open(self.folder / "odid-web.log", "ab")
         places = {"run-dir": "run", "data": "data", "faults": "faults", "state": "state", "apply": "apply",
                   "flights-dir": "data/odid/flights", "updater": "updater", "image-version": "version"}
@@ -95,37 +106,48 @@ class Appliance:
         for flag, place in places.items():
             words += [f"-{flag}", str(self.folder / place)]
         self.process = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=self.log, stderr=self.log)
-        deadline = time.monotonic() + 5
-        while True:
-            try:
-                socket.create_connection(("127.0.0.1", self.port), 1).close()
-                return
-            except OSError:
-                if time.monotonic() > deadline or self.process.poll() is not None:
-                    raise RuntimeError(f"odid-web didn't start: {self.said()}") from None
-                time.sleep(0.02)
+
+        def listens():
+            if self.process.poll() is not None:
+                raise RuntimeError(f"odid-web didn't start: {self.said()}")
+            return not self.refuses()
+        patience.wait_for("odid-web to listen", listens, within_s=5)
+
+    def refuses(self):
+        """Whether nobody listens."""
+        try:
+            socket.create_connection(("127.0.0.1", self.port), patience.LIMIT_S).close()
+        except ConnectionRefusedError:
+            return True
+        except ConnectionResetError:        # it ended just now
+            return False
+        return False
+
+    def serving(self):
+        """The process id of its serving half. The port is open before that is forked, and gives its rights away."""
+        children = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children")
+
+        def found():
+            pids = children.read_text().split()
+            return int(pids[0]) if pids and process_says(pids[0], "Seccomp") == "2" else None
+        return patience.wait_for("the serving half to have no rights any more", found)
 
     def stop(self):
         if self.process.poll() is None:
             self.process.terminate()
-            self.process.wait(5)
+            self.process.wait(patience.LIMIT_S)
             self.wait_closed()
         self.log.close()
 
     def wait_closed(self):
-        """Its serving half is ended by the kernel after the other one, and listens until then."""
-        deadline = time.monotonic() + 5
-        while time.monotonic() < deadline:
-            try:
-                socket.create_connection(("127.0.0.1", self.port), 1).close()
-            except OSError:
-                return
-            time.sleep(0.02)
-        raise RuntimeError("odid-web still listens after its end")
+        """Its serving half is ended by the kernel after the other one, and listens until then. And a process that ends
+        has no memory any more some time before its sockets are closed."""
+        patience.wait_for("its end to close its port", self.refuses, within_s=5)
 
     def end(self):
         self.stop()
         self.daemon.stop()
+        self.place.close()
 
     def said(self):
         return (self.folder / "odid-web.log").read_text(errors="replace")
@@ -170,7 +192,7 @@ class Appliance:
 
     def ask(self, method, path, body=None, headers=None, page=True, cookie=None):
         """Returns the code, what came back and the header fields; None for a header leaves it out."""
-        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=30)
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=patience.LIMIT_S)
         sent = {"X-Odid-Page": "1"} if page else {}
         if cookie:
             sent["Cookie"] = cookie

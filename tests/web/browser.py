@@ -1,17 +1,29 @@
 """A browser in front of the page: what a technician would do with it, and what is seen then."""
 
 import re
+import time
+
+import patience
 
 from .appliance import PASSWORD
 
 PHONE = {"width": 360, "height": 740}
 LAPTOP = {"width": 1100, "height": 900}
+# What the progress said, each for a few seconds perhaps.
+KEEP_LABELS = """addEventListener("DOMContentLoaded", () => {
+  const label = document.querySelector("#progress-label");
+  window.labels = [];
+  if (label) new MutationObserver(() => { window.labels.push(label.textContent); })
+    .observe(label, { subtree: true, childList: true, characterData: true });
+});"""
 
 
 class Browser:
     def __init__(self, chromium, appliance, viewport=PHONE, dark=False):
         self.appliance = appliance
         self.context = chromium.new_context(viewport=viewport, color_scheme="dark" if dark else "light")
+        self.context.set_default_timeout(patience.LIMIT_S * 1000)
+        self.context.add_init_script(KEEP_LABELS)
         self.page = self.context.new_page()
         self.asked = []                         # every address that was asked for
         self.errors = []                        # of the page's script, and what its policy forbade
@@ -40,15 +52,28 @@ class Browser:
 
     def login(self):
         self.give_password()
-        self.sees("#state-title", r"air|connected|Restarting")
+        self.waits("() => status && status.daemon")
         return self
 
-    def sees(self, where, pattern, seconds=6):
+    def waits(self, condition, argument=None):
+        """Until a function's value in the page is true; an expression's, which the page's policy forbids, only once."""
+        self.page.wait_for_function(condition, arg=argument)
+
+    def sees(self, where, pattern, within_s=6):
         """Waits until the text of a place matches."""
-        self.page.wait_for_function(
-            "([where, pattern]) => { const place = document.querySelector(where);"
-            " return place && place.checkVisibility() && new RegExp(pattern, 's').test(place.innerText); }",
-            arg=[where, pattern], timeout=seconds * 1000)
+        begun = time.monotonic()
+        self.waits("([where, pattern]) => { const place = document.querySelector(where);"
+                   " return place && place.checkVisibility() && new RegExp(pattern, 's').test(place.innerText); }",
+                   [where, pattern])
+        patience.promise(f"{where} to say {pattern}", time.monotonic() - begun, within_s)
+
+    def has_seen(self, label):
+        """Waits until the progress has said that, whatever it says now."""
+        self.waits("(label) => labels.some((one) => one.includes(label))", label)
+
+    def shows_another_answer(self):
+        """Waits until the page has asked again how the appliance is, and shows it."""
+        self.waits("(before) => heardAt > before", self.page.evaluate("heardAt"))
 
     def text(self, where):
         return self.page.locator(where).inner_text()

@@ -5,6 +5,7 @@ import shutil
 import tempfile
 from pathlib import Path
 
+import patience
 import pytest
 
 from .appliance import PROGRAM, Appliance
@@ -47,6 +48,7 @@ def chromium():
 
     with sync_playwright() as playwright:
         # Its own sandbox can't be had by root.
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, chromium_sandbox=os.geteuid() != 0)
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, chromium_sandbox=os.geteuid() != 0,
+                                             timeout=patience.LIMIT_S * 1000)
         yield browser
         browser.close()

@@ -4,6 +4,7 @@ The messages' layout differs between SWUpdate's versions; the model knows only w
 each begins with a magic number and a type, and an answer is as long as its question.
 """
 
+import contextlib
 import socket
 import struct
 import threading
@@ -23,6 +24,9 @@ class Updater:
         self.busy = False                   # says no to the next request
         self.limit = None                   # closes its end after so many octets
         self.rate = None                    # octets a second
+        self.stops_at = None                # after so many octets takes no more, until `goes_on` is set
+        self.goes_on = threading.Event()
+        self.says = None                    # called before it closes its end: a result is known by then
         self.bundles = []                   # the octets of each that has ended
         self.taken = 0                      # of the one under way
         self.over = threading.Event()
@@ -34,7 +38,7 @@ class Updater:
                 connection, _ = self.listener.accept()
             except OSError:
                 return
-            with connection:
+            with connection, contextlib.suppress(ConnectionError):      # who asked may be gone before the answer
                 self._install(connection)
 
     def _install(self, connection):
@@ -47,16 +51,22 @@ class Updater:
             return
         bundle, self.taken = bytearray(), 0
         while self.limit is None or self.taken < self.limit:
+            if self.stops_at is not None and self.taken >= self.stops_at:
+                self.goes_on.wait()
             piece = connection.recv(65536)
             if not piece:
                 break
             bundle += piece
             self.taken = len(bundle)
-            if self.rate:
-                time.sleep(len(piece) / self.rate)
+            rate = self.rate                # a test may change it at any time
+            if rate:
+                time.sleep(len(piece) / rate)
+        if self.says:
+            self.says()
         self.bundles.append(bytes(bundle))
         self.over.set()
 
     def stop(self):
+        self.goes_on.set()
         self.listener.close()
         self.path.unlink(missing_ok=True)

@@ -3,6 +3,7 @@
 #define ODID_TESTS_PTY_H
 
 #include <fcntl.h>
+#include <poll.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -23,6 +24,28 @@ static inline int pty_open(const char *path)
     tcsetattr(master, TCSANOW, &termios);
     unlink(path);
     return symlink(ptsname(master), path) < 0 ? -1 : master;
+}
+
+#define PTY_PATIENCE_MS 60000
+
+/*
+ * Reads so many octets, which the kernel hands over some time after they were
+ * written to the other end. Returns how many came; all, but for a fault.
+ */
+static inline size_t pty_read(int fd, void *octets, size_t size)
+{
+    struct pollfd waiting = {.fd = fd, .events = POLLIN};
+    size_t filled = 0;
+    ssize_t length;
+
+    while (filled < size && poll(&waiting, 1, PTY_PATIENCE_MS) == 1) {
+        length = read(fd, (char *)octets + filled, size - filled);
+        if (length <= 0) {
+            break;
+        }
+        filled += (size_t)length;
+    }
+    return filled;
 }
 
 /* A directory of the test's own; name: in it. Removed by pty_remove_path. */

@@ -164,7 +164,7 @@ static void asking(void **state)
     for (int i = 0; i < 6; i++) { /* it hangs; then its backlog is full, too */
         assert_int_equal(status_ask(directory, 100, answer), -EAGAIN);
     }
-    assert_in_range(loop_now_us() - begin_us, 100000, 2000000);
+    assert_true(loop_now_us() - begin_us >= 100000);
     close(server);
     assert_int_equal(status_ask(directory, 500, answer), -ECONNREFUSED);
     memset(long_directory, 'x', sizeof(long_directory) - 1);

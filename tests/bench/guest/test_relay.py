@@ -10,6 +10,7 @@ import tty
 from pathlib import Path
 
 import pytest
+from patience import LIMIT_S
 
 SOURCE = Path(__file__).with_name("relay.c")
 # A MAVLink 1 and a MAVLink 2 frame (signed: 13 octets more); what is inside doesn't matter here.
@@ -35,7 +36,7 @@ class Line:
         self.peers = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2)]
         for peer in self.peers:
             peer.bind(("127.0.0.1", 0))
-            peer.settimeout(5)
+            peer.settimeout(LIMIT_S)
         endpoints = "\n".join(
             f"[UdpEndpoint peer{at}]\nMode = Normal\nAddress = 127.0.0.1\nPort = {peer.getsockname()[1]}"
             for at, peer in enumerate(self.peers))
@@ -80,9 +81,9 @@ def test_an_answer_goes_to_the_line_and_the_other_peer(line):
     line.peers[1].recv(1000)
     line.peers[0].sendto(FRAME2, relay_address)
     assert line.peers[1].recv(1000) == FRAME2
-    assert select.select([line.master], [], [], 5)[0]
+    assert select.select([line.master], [], [], LIMIT_S)[0]
     assert os.read(line.master, 1000) == FRAME2
-    line.peers[0].settimeout(0.2)
+    line.peers[0].settimeout(0.2)       # nothing comes
     with pytest.raises(TimeoutError):
         line.peers[0].recv(1000)        # not back to who sent it
 
@@ -99,7 +100,7 @@ def test_a_peer_that_is_not_there_costs_nothing(line):
 def test_it_ends_when_the_line_hangs_up(line):
     os.close(line.slave)
     os.close(line.master)
-    assert line.process.wait(timeout=5) == 1
+    assert line.process.wait(LIMIT_S) == 1
     assert b"/dev/pts/" in line.process.stderr.read()
 
 
@@ -115,13 +116,13 @@ def test_it_ends_when_the_line_hangs_up(line):
 def test_it_refuses_what_it_cannot_do(relay, tmp_path, text, said):
     path = tmp_path / "wrong.conf"
     path.write_text(text)
-    result = subprocess.run([relay, "-c", path], capture_output=True, timeout=5, check=False)
+    result = subprocess.run([relay, "-c", path], capture_output=True, timeout=LIMIT_S, check=False)
     assert result.returncode == 1
     assert said in result.stderr
 
 
 def test_the_port_may_be_named_on_the_command_line(relay, tmp_path):
-    result = subprocess.run([relay, "/dev/no:such:port:57600"], capture_output=True, timeout=5,
+    result = subprocess.run([relay, "/dev/no:such:port:57600"], capture_output=True, timeout=LIMIT_S,
                             check=False)
     assert result.returncode == 1
     assert b"/dev/no:such:port: No such file" in result.stderr

@@ -7,14 +7,13 @@ tests/image looks at.
 import re
 import shutil
 import subprocess
-import time
 
+import patience
 import pytest
 from bench import disk as disks
 from host import parts
 
 SCRIPT = parts.ROOT / "board/cm4/board.cmd"
-TIMEOUT_S = 120         # about 3 s where the machine has nothing else to do
 VOLUME_AT = 1 << 20
 BLUETOOTH, ETHERNET = "/soc/serial@7e201000/bluetooth", "/scb/ethernet@7d580000"
 UARTS = {"uart1": "/soc/serial@7e215040", "uart2": "/soc/serial@7e201400", "uart3": "/soc/serial@7e201600",
@@ -95,19 +94,21 @@ class Board:
 
     def run(self):
         console = self.folder / "console"
+
+        def said():
+            return console.read_text(errors="replace").replace("\r", "") if console.exists() else ""
         qemu = subprocess.Popen(
             ["qemu-system-aarch64", "-M", "virt,gic-version=3", "-cpu", "cortex-a72", "-accel", "tcg", "-m", "256",
              "-nodefaults", "-display", "none", "-bios", disks.LOADER, "-chardev", f"file,id=console,path={console}",
              "-serial", "chardev:console", "-drive", f"if=none,id=disk,format=raw,file={self.disk}",
              "-device", "virtio-blk-device,drive=disk"], stdin=subprocess.DEVNULL)
         try:
-            deadline = time.monotonic() + TIMEOUT_S
-            while time.monotonic() < deadline:
-                text = console.read_text(errors="replace").replace("\r", "") if console.exists() else ""
-                if "ALL-DONE" in text:
-                    return text
-                time.sleep(0.1)
-            raise AssertionError(f"not within {TIMEOUT_S} s:\n{text[-2000:]}")
+            def done():
+                return "ALL-DONE" in said() and said()
+            # About 3 s where the machine has nothing else to do.
+            return patience.wait_for("the end of the script", done, every_s=0.1, limit_s=patience.BOOTED_S)
+        except TimeoutError as error:
+            raise TimeoutError(f"{error}:\n{said()[-2000:]}") from None
         finally:
             qemu.kill()
             qemu.wait()

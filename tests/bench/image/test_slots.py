@@ -5,13 +5,12 @@ Each boot goes only as far as that line. The disk is a copy that the test has da
 import json
 import re
 import subprocess
-import time
 
+import patience
 import pytest
 from bench import disk as disks
 from bench.machine import Qmp
 
-TIMEOUT_S = 120         # about 3 s where the machine has nothing else to do
 ENV_SIZE = "0x4000"
 COMMAND_LINE = re.compile(r"Kernel command line: (.*)")
 HOPELESS = "neither slot can be started"
@@ -101,14 +100,18 @@ class Bare:
 
     @staticmethod
     def _wait(console, begin, pattern):
-        deadline = time.monotonic() + TIMEOUT_S
-        while time.monotonic() < deadline:
-            text = console.read_text(errors="replace")[begin:] if console.exists() else ""
+        def said():
+            return console.read_text(errors="replace")[begin:] if console.exists() else ""
+
+        def found():
+            text = said()
             match = re.search(pattern, text)
-            if match and (pattern is not COMMAND_LINE or "\n" in text[match.end():]):
-                return match
-            time.sleep(0.1)
-        raise AssertionError(f"not within {TIMEOUT_S} s:\n{text[-2000:]}")
+            return match if match and (pattern is not COMMAND_LINE or "\n" in text[match.end():]) else None
+        try:
+            # About 3 s where the machine has nothing else to do.
+            return patience.wait_for("the line", found, every_s=0.1, limit_s=patience.BOOTED_S)
+        except TimeoutError as error:
+            raise TimeoutError(f"{error}:\n{said()[-2000:]}") from None
 
 
 @pytest.fixture(name="bare")

@@ -1,0 +1,172 @@
+"""The rule of the gate: no verdict of `make test` rests on how long something took. `make check` holds it.
+
+    a wait is patience's           no literal limit in seconds, no loop around a clock of a test's own
+    a promise about time is said   with patience.promise: an assertion doesn't read a clock
+    nothing has happened by then   a sleep stands where something must *not* happen, and is named below
+
+It reads every test and what tests are made of, but for functions marked `timed` and the files below.
+"""
+
+import ast
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+TESTS = Path("tests")
+# Tests that `make test` leaves to `make test-all`, file by file.
+BOOTED = [str(path.relative_to(TESTS)) for folder in ("bench", "update") for path in (TESTS / folder).glob("test_*.py")
+          if path.name not in ("test_parts.py", "test_figures.py", "test_ddi.py", "test_writes.py")]
+# Waiting and looking at the clock is what these are for.
+PERMITTED_FILES = {
+    "patience.py": "the waits themselves",
+    "quiet.py": "watches the machine's own time",
+    "conftest.py": "says when a test was late",
+    "steady.py": "figures beside the verdict",
+    "summary.py": "figures beside the verdict",
+    "levels": "figures beside the verdict",
+    "receiver": "the judge: its clock is the air's, and --without-time leaves it out",
+    "image": "the release image's: make test-image",
+    **{f"host/{name}.py": "a model: its time is the air's, or the autopilot's" for name in (
+        "front", "hostapd", "player", "field_study", "noise", "air")},
+    **{f"host/{name}.py": "measures: make bench, make demo-host" for name in ("bench", "runs", "measure", "demo")},
+    **{f"bench/{name}.py": "measures: make demo, make soak, make test-all" for name in (
+        "demo", "soak", "runs", "faults", "boot_chart", "without", "tap")},
+    "bench/image/__main__.py": "builds, and says how long it took",
+    **{folder: "boots the appliance: make test-all" for folder in BOOTED},
+    "update/server.py": "a model: so many octets a second",
+    "update/hawkbit.py": "a model: an interval of polls",
+    "update/power_cuts.py": "cuts the power at chosen instants",
+    "web/updater.py": "a model: so many octets a second",
+}
+# Until something has *not* happened, or as long as a test gives to what it harms.
+PERMITTED_SLEEPS = {
+    "bench/conftest.py::flying": "what is measured in flight begins when it has settled",
+    "bench/guest/test_relay.py::test_a_peer_that_is_not_there_costs_nothing": "it must not end",
+    "host/test_flight_record.py::test_a_flight_with_a_killed_daemon_a_lost_hostapd_and_a_killed_recorder":
+        "so long a flight goes on, and so long something is away",
+    "host/test_models.py::test_an_element_is_in_the_beacons_from_the_update_on": "it must not be in them",
+    "scripts/test_scripts.py::test_each_adapter_that_is_plugged_in_gets_an_address": "no other one may get any",
+    "scripts/test_scripts.py::test_another_hawkbit_counts_when_no_update_is_going_on": "it must not be told again",
+    "scripts/test_scripts.py::test_an_orphan_is_taken_over_and_a_stranger_with_its_number_is_not": "neither may end",
+    "test_receiver_sources.py::test_follow_a_growing_file": "half a record lies there",
+    "web/test_api.py::test_the_page_answers_while_a_slow_updater_takes_a_bundle": "a pause between questions",
+    "web/test_api.py::test_the_same_result_twice_is_two_results": "a file's time goes on in steps",
+    "web/test_page.py::picture": "pictures for docs/page.md",
+}
+CLOCKS = {"monotonic", "time", "perf_counter"}
+WAITS = {"settimeout", "wait", "communicate", "select", "join", "create_connection"}
+
+
+@dataclass
+class Breach:
+    path: Path
+    line: int
+    what: str
+
+    def __str__(self):
+        return f"{self.path}:{self.line}: {self.what}"
+
+
+def is_timed(function):
+    return any("timed" in ast.unparse(one) for one in function.decorator_list)
+
+
+def is_clock(node):
+    return (isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in CLOCKS
+            and isinstance(node.func.value, ast.Name) and node.func.value.id == "time")
+
+
+def reads_clock(node, names):
+    """Whether its value is a time or a duration; what a function made of one isn't."""
+    if is_clock(node):
+        return True
+    if isinstance(node, ast.Name):
+        return node.id in names
+    if isinstance(node, ast.Call) and getattr(node.func, "id", "") not in ("abs", "max", "min", "round", "sum", "sorted"):
+        return False
+    return any(reads_clock(one, names) for one in ast.iter_child_nodes(node))
+
+
+def judges_time(compare, names):
+    """Against a number, literal or named; that one clock's value comes after another's is no duration."""
+    sides = compare.left, *compare.comparators
+    return any(map(amount, sides)) and any(reads_clock(one, names) for one in sides)
+
+
+def amount(node):
+    """A number, or something reckoned with one."""
+    if isinstance(node, ast.BinOp):
+        return amount(node.left) or amount(node.right)
+    return number(node) or isinstance(node, ast.Name) and node.id.isupper()
+
+
+def clock_names(function):
+    """Variables whose value comes from a clock."""
+    names = set()
+    while True:
+        found = {target.id for node in ast.walk(function) if isinstance(node, ast.Assign) and reads_clock(node.value, names)
+                 for target in ast.walk(node.targets[0]) if isinstance(target, ast.Name)}
+        if found <= names:
+            return names
+        names |= found
+
+
+def number(node):
+    """A literal that is no zero."""
+    return isinstance(node, ast.Constant) and isinstance(node.value, (int, float)) and bool(node.value)
+
+
+def literal_limit(call):
+    name = call.func.attr if isinstance(call.func, ast.Attribute) else getattr(call.func, "id", "")
+    given = [one.value for one in call.keywords if one.arg in ("timeout", "timeout_s", "limit_s")]
+    if name in WAITS:
+        given += call.args[-1:] if name != "select" else call.args[3:]
+    return any(map(number, given))
+
+
+def breaches(path, lines, function):
+    names = clock_names(function)
+    for node in ast.walk(function):
+        line = getattr(node, "lineno", 0)
+        if isinstance(node, ast.Assert) and any(
+                isinstance(one, ast.Compare) and judges_time(one, names) for one in ast.walk(node.test)):
+            yield Breach(path, line, "an assertion about real time: patience.promise")
+        elif isinstance(node, ast.While) and reads_clock(node.test, names):
+            yield Breach(path, line, "a wait of its own: patience.wait_for")
+        elif isinstance(node, ast.Call) and literal_limit(node) and "# nothing comes" not in lines[line - 1]:
+            yield Breach(path, line, "a limit of its own: patience.LIMIT_S (or, to look that nothing comes: # nothing comes)")
+        elif (isinstance(node, ast.Call) and ast.unparse(node.func) == "time.sleep"
+              and f"{path.relative_to(TESTS)}::{function.name}" not in PERMITTED_SLEEPS):
+            yield Breach(path, line, f"a sleep: wait for what it is for, or name it in {Path(__file__).name}")
+
+
+def functions(tree):
+    for node in ast.walk(tree):
+        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
+            yield node
+
+
+def check(path):
+    text = path.read_text(encoding="utf-8")
+    tree, found = ast.parse(text), {}
+    timed = [one for one in functions(tree) if is_timed(one)]
+    inside = {id(node) for one in timed for node in ast.walk(one)}
+    for function in functions(tree):
+        if id(function) not in inside:
+            for one in breaches(path, text.splitlines(), function):
+                found[one.line, one.what] = one  # nested functions are met twice
+    return [found[key] for key in sorted(found)]
+
+
+def main():
+    paths = [path for path in map(Path, sys.argv[1:])
+             if not any(str(path.relative_to(TESTS)) == one or str(path.relative_to(TESTS)).startswith(f"{one}/")
+                        for one in PERMITTED_FILES)]
+    found = [one for path in paths for one in check(path)]
+    for one in found:
+        print(one)
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

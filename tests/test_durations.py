@@ -1,0 +1,49 @@
+"""`make check` sees a verdict that would rest on how long something took."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+CHECK = Path(__file__).parent / "levels/durations.py"
+
+
+def check(folder, body, decorator=""):
+    path = folder / "tests/test_it.py"
+    path.parent.mkdir(exist_ok=True)
+    lines = "".join(f"    {line}\n" for line in body.splitlines())
+    path.write_text(f"LIMIT = 3\n{decorator}\ndef test_it(process, count):\n    begun = time.monotonic()\n{lines}")
+    return subprocess.run([sys.executable, CHECK, "tests/test_it.py"], cwd=folder, capture_output=True, text=True)
+
+
+@pytest.mark.parametrize("body, said", [
+    ("assert time.monotonic() - begun < 4", "an assertion about real time"),
+    ("took = time.monotonic() - begun\nassert round(took, 1) <= LIMIT", "an assertion about real time"),
+    ("assert count / (time.time() - begun) > 7.5", "an assertion about real time"),
+    ("while time.monotonic() < begun + 5:\n    pass", "a wait of its own"),
+    ("process.wait(5)", "a limit of its own"),
+    ("process.communicate(timeout=10)", "a limit of its own"),
+    ("patience.wait_for('x', count, limit_s=5)", "a limit of its own"),
+    ("time.sleep(3)\nassert count", "a sleep"),
+])
+def test_what_rests_on_time_is_named_with_its_line(tmp_path, body, said):
+    result = check(tmp_path, body)
+    assert result.returncode == 1 and result.stdout.startswith("tests/test_it.py:") and said in result.stdout
+
+
+@pytest.mark.parametrize("body", [
+    "patience.wait_for('x', count, within_s=3)",
+    "patience.promise('x', time.monotonic() - begun, 3)",
+    "process.wait(patience.LIMIT_S)",
+    "heard = count(since=begun)\nassert heard > 3",
+    "assert begun <= count[1] <= time.monotonic()",
+    "process.settimeout(0.2)  # nothing comes",
+])
+def test_what_does_not_passes(tmp_path, body):
+    result = check(tmp_path, body)
+    assert result.returncode == 0, result.stdout
+
+
+def test_what_needs_real_time_says_so(tmp_path):
+    assert check(tmp_path, "assert time.monotonic() - begun < 4", "@pytest.mark.timed").returncode == 0
