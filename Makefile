@@ -176,6 +176,8 @@ LEVEL = @tests/levels/run.sh
 PYTEST = -ra --continue-on-collection-errors -o cache_dir=build/pytest
 TESTS = tests --ignore=tests/image
 PARTS = not booted and not timed and not long
+# `make system SYSTEM=booted`: with those that take minutes each.
+SYSTEM ?= booted and not long
 SPREAD = -n 4 --dist worksteal
 
 .PHONY: test test-begin
@@ -223,7 +225,7 @@ level-smoke: appliance
 
 .PHONY: level-system level-bench level-soak level-without
 level-system: appliance
-	$(LEVEL) system $(RUN) -m pytest $(TESTS) -m 'booted and not long' $(PYTEST) --junit-xml=build/test/system.xml
+	$(LEVEL) system $(RUN) -m pytest $(TESTS) -m '$(SYSTEM)' $(PYTEST) --junit-xml=build/test/system.xml
 
 COMMAND = $(RUN) tests/levels/command.py build/test/$(1).xml $(RUN)
 level-bench: daemon
@@ -242,7 +244,7 @@ steady: setup
 
 .PHONY: system faults-without
 system: appliance debian-tests
-	@$(RUN) -m pytest $(TESTS) -m 'booted and not long' $(PYTEST)
+	@$(RUN) -m pytest $(TESTS) -m '$(SYSTEM)' $(PYTEST)
 
 faults-without: appliance
 	@$(RUN) tests/bench/without.py

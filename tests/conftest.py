@@ -31,11 +31,16 @@ def pytest_collection_modifyitems(items):
 
 
 @pytest.fixture(scope="session")
-def machine_possible():
-    """Asked for by every fixture that boots the appliance."""
+def emulation_possible():
+    """Asked for by what needs QEMU and the appliance's disk."""
     reason = missing()
     if reason:
         pytest.skip(reason)
+
+
+@pytest.fixture(scope="session")
+def machine_possible(emulation_possible):
+    """Asked for by every fixture that boots the appliance."""
 
 
 # --- real time ---------------------------------------------------------------------

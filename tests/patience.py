@@ -15,9 +15,9 @@ broken = []  # promises of the test that runs
 
 
 def promise(what, took_s, within_s):
-    """Judged by `make test-all` only. took_s None: it never came."""
-    if took_s is None or took_s > within_s:
-        broken.append(f"{what}: {'never' if took_s is None else f'{took_s:.2f} s'}, {within_s:g} s allowed")
+    """Judged by `make test-all` only."""
+    if took_s > within_s:
+        broken.append(f"{what}: {took_s:.2f} s, {within_s:g} s allowed")
 
 
 def promised(so, otherwise):
@@ -40,6 +40,11 @@ def wait_for(what, condition, within_s=None, part=None, every_s=0.02, limit_s=LI
             tail = f"; its log ends:\n{part.log()[-1500:]}" if part else ""
             raise TimeoutError(f"waited {limit_s} s in vain for {what}{tail}")
         time.sleep(every_s)
+
+
+def wait_booted(what, condition, within_s=None, every_s=0.3, limit_s=BOOTED_S):
+    """The same of what an emulated machine needs many steps for. Asking costs it something: seldom."""
+    return wait_for(what, condition, within_s, every_s=every_s, limit_s=limit_s)
 
 
 def stays(what, condition, seconds):

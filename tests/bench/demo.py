@@ -13,6 +13,7 @@ from pathlib import Path
 if __package__ is None:
     sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
+import patience
 from bench import limits
 from bench.machine import CHANNELS, KERNEL_S, Machine, missing
 from host import demo as host_demo
@@ -27,8 +28,9 @@ def boot(machine):
     machine.power_on()
     machine.wait_on_air()
     started = machine.started()
-    return {"kernel_s": round(machine.kernel_s(), 2)} | {f"boot_to_{channel}_s": round(machine.air.receptions(channel)[0].mono - started, 2)
-            for channel in CHANNELS}
+    first_s = {channel: machine.air.receptions(channel)[0].mono - started for channel in CHANNELS}
+    return {"kernel_s": round(machine.kernel_s(), 2)} | {
+        f"boot_to_{channel}_s": round(seconds, 2) for channel, seconds in first_s.items()}
 
 
 def listen(machine, seconds, title):
@@ -38,7 +40,7 @@ def listen(machine, seconds, title):
     try:
         time.sleep(max(0, seconds - host_demo.STATUS_BEFORE_END_S))
         status = machine.run("odidctl status")
-        return judge.wait(), status.output
+        return judge.wait(patience.BOOTED_S), status.output
     finally:
         if judge.poll() is None:
             judge.terminate()

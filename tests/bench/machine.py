@@ -338,9 +338,7 @@ class Machine:
             raise TimeoutError(f"waited in vain for {what} in the machine: {error}") from None
         return self.mono(float(output.splitlines()[-1].split()[0]))
 
-    def wait_for(self, what, condition, within_s=None, every_s=0.2):
-        """As patience's, for what an emulated machine needs many steps for; asking costs it something."""
-        return patience.wait_for(what, condition, within_s, every_s=every_s, limit_s=patience.BOOTED_S)
+    wait_for = staticmethod(patience.wait_booted)
 
     def status(self):
         """The daemon's own view, None when it doesn't answer."""

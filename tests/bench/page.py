@@ -2,22 +2,16 @@
 
 import http.client
 import json
-import socket
 
 import patience
-
-
-def free_tcp_port():
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        return one.getsockname()[1]
+from host.controller import free_ports
 
 
 class Page:
     """The page from outside, by Ethernet; or by whatever answers at that port in the machine."""
 
     def __init__(self, machine, port=80):
-        self.port = free_tcp_port()
+        (self.port,) = free_ports(1)
         self.cookie = ""
         machine.qmp.command("human-monitor-command",
                             **{"command-line": f"hostfwd_add net tcp:127.0.0.1:{self.port}-:{port}"})

@@ -34,12 +34,13 @@ class Outcome:
     @property
     def beyond(self):
         """Everything that took longer than it may."""
-        gap = "no figure" if self.gap_s is None else f"{self.gap_s:.2f} s on {self.channel}, {self.limit_s:g} s allowed"
-        return [*self.late, *([gap] if self.gap_s is None or self.gap_s > self.limit_s else [])]
+        if self.gap_s is None or self.gap_s <= self.limit_s:
+            return self.late
+        return [*self.late, f"{self.gap_s:.2f} s on {self.channel}, {self.limit_s:g} s allowed"]
 
     @property
     def verdict(self):
-        if self.problems or self.beyond and not self.disturbed:
+        if self.problems or self.gap_s is None or self.beyond and not self.disturbed:
             return "FAIL"
         return "not judged" if self.beyond else "PASS"
 
@@ -212,9 +213,10 @@ def boot(fault, say=print):
     for channel, limit_s in fault.to_first_s.items():
         first = contents.first[channel]
         outcome.to_first_s[channel] = None if first is None else first - started
-        if first is None or first - started > limit_s:
-            outcome.late.append(f"{channel}: first message " + (
-                "never" if first is None else f"{first - started:.2f} s after init") + f", {limit_s:g} s allowed")
+        if first is None:
+            outcome.problems.append(f"{channel}: no message, ever")
+        elif first - started > limit_s:
+            outcome.late.append(f"{channel}: first message {first - started:.2f} s after init, {limit_s:g} s allowed")
     common(contents, [outcome])
     return outcome
 

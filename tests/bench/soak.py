@@ -96,7 +96,7 @@ def fly(machine, seconds):
             print(f"soak: {at_s:6.0f} s  RssAnon {one.rss_anon_kib} KiB, {one.file_descriptors} descriptors, "
                   f"{one.memory_kib} KiB available, tmpfs {one.tmpfs_kib} KiB, /data {one.data_kib} KiB", flush=True)
             time.sleep(max(0.0, min(EVERY_S, seconds - 4 - (time.monotonic() - start))))
-        code = judge.process.wait()
+        code = judge.wait(seconds)
     finally:
         judge.stop()
     print(judge.log())

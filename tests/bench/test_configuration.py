@@ -79,10 +79,6 @@ def technician(grounded):
     return one
 
 
-def on_the_air(machine):
-    machine.wait_all_five(("bt4", "wifi"))
-
-
 @pytest.mark.parametrize("wrong", WRONG, ids=lambda wrong: wrong.name)
 def test_wrong_in_one_way(technician, wrong):
     machine = technician.machine
@@ -93,7 +89,7 @@ def test_wrong_in_one_way(technician, wrong):
     assert machine.must("odidctl get basic_id.uas_id").strip() == wrong.uas_id
     refused = machine.run("cat /run/faults/config")
     assert (refused.code != 0) == wrong.taken, refused.output
-    on_the_air(machine)
+    machine.wait_all_five(("bt4", "wifi"))
 
 
 def test_the_volume_is_full(technician):
@@ -103,7 +99,7 @@ def test_the_volume_is_full(technician):
                     "dd if=/dev/zero of=filler bs=64k 2>/dev/null")
     assert machine.must("odidctl get self_id.description").strip() == "Full"
     assert "No space" in machine.must("cat /run/faults/config")
-    on_the_air(machine)
+    machine.wait_all_five(("bt4", "wifi"))
     machine.must("mkdir -p /tmp/config && mount -t vfat /dev/disk/odid/config /tmp/config; rm -f /tmp/config/filler; "
                  "umount /tmp/config")
 
@@ -128,6 +124,6 @@ def test_a_wrong_file_at_power_on_is_refused_and_said(make_machine):
     machine.power_on()
     machine.wait_on_air()
     assert machine.must("odidctl get basic_id.uas_id").strip() == "SSRS5GBG01"
-    on_the_air(machine)
+    machine.wait_all_five(("bt4", "wifi"))
     machine.cut_power()
     assert b"uasid" in machine.disk.read_config(REPORT)

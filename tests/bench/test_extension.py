@@ -51,7 +51,7 @@ def test_a_greedy_service_takes_nothing_from_the_broadcast(greedy):
     before, begun = number(greedy, "cpu.stat", "usage_usec"), float(greedy.must("cat /proc/uptime").split()[0])
     judge = greedy.judge(SECONDS, "--played", greedy.folder / "played.jsonl", "--expect", ",".join(CHANNELS),
                          *WORST, out=out)
-    judge.process.wait()
+    judge.wait(SECONDS)
     used, ended = number(greedy, "cpu.stat", "usage_usec"), float(greedy.must("cat /proc/uptime").split()[0])
     share = (used - before) / 1e4 / (ended - begun)
     killed, refused = number(greedy, "memory.events", "oom_kill"), number(greedy, "pids.events", "max")

@@ -100,6 +100,7 @@ def test_the_configuration_is_the_society_s_with_what_is_added():
     (0.4, ["too late"], [], "it stood still", "not judged"),
     (0.4, ["too late"], [], "", "FAIL"),
     (None, [], [], "", "FAIL"),
+    (None, [], [], "it stood still", "FAIL"),           # that nothing was measured isn't late
     (0.4, [], ["wrong"], "it stood still", "FAIL"),     # what isn't about time needs no quiet machine
 ])
 def test_only_what_is_late_on_a_disturbed_machine_is_not_judged(gap_s, late, problems, disturbed, verdict):

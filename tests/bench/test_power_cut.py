@@ -6,12 +6,13 @@ import re
 import struct
 import time
 
+import pytest
+
 from . import disk
 from .machine import configuration
 
 SELF_ID = 3                 # message type
 SUPERBLOCK = 1024, 1024     # ext4's first one: where on the volume, octets
-CUTS = 20
 WRITE_S = 0.25  # longer than it takes from the command to its rename being on the disk
 
 
@@ -23,13 +24,14 @@ def in_force(machine):
     return machine.must("odidctl get self_id.description").strip()
 
 
-def test_power_cuts(make_machine):
+@pytest.mark.parametrize("cuts", [20, pytest.param(300, marks=pytest.mark.long)])
+def test_power_cuts(make_machine, cuts):
     chance = random.Random(1)
     machine = make_machine("power-cut", config={"odid.conf": configuration(self_id={"description": description(0)})})
     machine.power_on()
     machine.wait_on_air()
     now, seen = description(0), {"old": 0, "new": 0}
-    for number in range(1, CUTS + 1):
+    for number in range(1, cuts + 1):
         wanted = description(number)
         machine.shell.send(f"odidctl set self_id.description '{wanted}'")
         time.sleep(chance.uniform(0, WRITE_S))
@@ -42,7 +44,7 @@ def test_power_cuts(make_machine):
         assert machine.run("ls /run/faults | grep -v -e autopilot -e watchdog").output == "", f"cut {number}"
         seen["old" if found == now else "new"] += 1
         now = found
-    print(f"{CUTS} cuts: {seen}")
+    print(f"{cuts} cuts: {seen}")
     assert len([count for count in seen.values() if count]) == 2, "all cuts fell on the same side of the write"
 
 

@@ -62,7 +62,7 @@ def listen(bench, seconds, title):
         time.sleep(max(0, seconds - STATUS_BEFORE_END_S))
         status = subprocess.run([parts.CONTROL, "-run-dir", bench.folder / "run", "status"],
                                 capture_output=True, text=True, timeout=patience.LIMIT_S)
-        return judge.wait(), status.stdout + status.stderr
+        return judge.wait(patience.BOOTED_S), status.stdout + status.stderr
     finally:
         if judge.poll() is None:
             judge.terminate()

@@ -61,6 +61,10 @@ class Part:
     def log(self):
         return self.log_path.read_text(errors="replace")
 
+    def wait(self, seconds):
+        """Its exit code; it needs so long, and may take what patience allows beside that."""
+        return self.process.wait(seconds + patience.LIMIT_S)
+
     def stop(self, how=signal.SIGTERM):
         if self.process.poll() is None:
             self.process.send_signal(how)

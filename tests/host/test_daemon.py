@@ -139,7 +139,7 @@ def judged(bench, channels):
 def judged_with_time(bench, channels, seconds):
     """The same, and each interval. The judge's exit code is left to the report: it says more."""
     judge, out = listen(bench, seconds, "--played", bench.folder / "played.jsonl", "--expect", channels)
-    judge.process.wait()
+    judge.wait(seconds)
     assert figures(out)["verdict"] == "PASS", report(out)
     return figures(out)
 

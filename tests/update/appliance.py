@@ -15,9 +15,7 @@ STATE, RESULT = "/run/odid-appliance/update.json", "/data/odid/update.json"
 START = "U-Boot 20"
 
 
-def wait_for(what, condition, within_s=None):
-    """As patience's, for what takes an emulated machine many steps. Asking costs it something: seldom."""
-    return patience.wait_for(what, condition, within_s, every_s=0.3, limit_s=patience.BOOTED_S)
+wait_for = patience.wait_booted
 
 
 class Appliance:

@@ -9,7 +9,8 @@ import time
 import pytest
 from bench.conftest import GROUND, PASSWORD
 from bench.gaps import CHANNELS, Contents
-from bench.test_page import Page, send
+from bench.page import Page
+from bench.test_page import send
 
 from . import LONG, autopilot, bundles
 from .appliance import wait_for

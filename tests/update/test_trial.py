@@ -3,6 +3,7 @@
 import re
 import time
 
+import patience
 import pytest
 from bench import disk as disks
 from bench.machine import configuration
@@ -120,8 +121,9 @@ def test_one_that_fails_is_given_up_without_a_hand_on_it(ready, failure):
             wait_for("the pilot's sentence", lambda: "update in progress" in machine.run("odidctl status").output)
             machine.shell.close()
             machine.shell = None
-        wait_for("the old slot", lambda: re.search(
-            r"odid\.slot=a odid\.fallback", machine.console_text()), GIVEN_UP_S[failure.name])
+        within_s = GIVEN_UP_S[failure.name]
+        wait_for("the old slot", lambda: re.search(r"odid\.slot=a odid\.fallback", machine.console_text()), within_s,
+                 limit_s=within_s + patience.BOOTED_S)
         failed = began if failure.name == "no_kernel" else time.monotonic()
         machine.wait_shell()
     machine.wait_on_air()

@@ -56,7 +56,8 @@ echo "console=${console} ethaddr=${ethaddr} serial=${serial#}"
 echo ALL-DONE
 """
 
-pytestmark = pytest.mark.skipif(not shutil.which("dtc"), reason="dtc isn't installed (Debian: device-tree-compiler)")
+pytestmark = [pytest.mark.usefixtures("emulation_possible"),
+              pytest.mark.skipif(not shutil.which("dtc"), reason="dtc isn't installed (Debian: device-tree-compiler)")]
 
 
 def call(*words, **options):

@@ -11,6 +11,8 @@ import pytest
 from bench import disk as disks
 from bench.machine import Qmp
 
+pytestmark = pytest.mark.usefixtures("emulation_possible")
+
 ENV_SIZE = "0x4000"
 COMMAND_LINE = re.compile(r"Kernel command line: (.*)")
 HOPELESS = "neither slot can be started"
