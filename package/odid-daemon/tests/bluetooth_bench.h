@@ -5,6 +5,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "simulated_time.h"
+
 #include "bluetooth.h"
 #include "fake_controller.h"
 #include "loop_until.h"
@@ -22,10 +24,6 @@ static void set_legacy(uint8_t counter)
 
     bluetooth_set_legacy(data, loop_now_us());
 }
-
-/* A pty's bytes are carried by the kernel at ordinary priority: on a busy machine that takes time.
- */
-#define SETTLE_MS 50
 
 static void set_extended(uint8_t counter)
 {
@@ -74,7 +72,7 @@ static inline void start_on_air(uint64_t features)
     set_legacy(1);
     set_extended(1);
     assert_true(loop_until(features & FAKE_CODED ? both_on_air : legacy_on_air, 1000));
-    run_ms(SETTLE_MS);
+    run_ms(50);
 }
 
 /* How many commands of this kind came since the n-th. */

@@ -1,19 +1,28 @@
 /*
- * A Bluetooth controller at the other end of a pty: H4, the advertising
- * commands and their rules (Bluetooth Core Vol 4 Part E 7.8), and faults.
- * Runs in the test's own event loop.
+ * A model of a Bluetooth controller on a UART: H4, the advertising commands and
+ * their rules (Bluetooth Core Vol 4 Part E 7.8), and faults. Runs in the test's
+ * own event loop. The UART is a pair of sockets, by this program's own open and
+ * tc[gs]etattr; test_hci and test_link have a terminal's.
  */
 #ifndef ODID_TESTS_FAKE_CONTROLLER_H
 #define ODID_TESTS_FAKE_CONTROLLER_H
 
+#include <errno.h>
+#include <fcntl.h>
+#include <stdarg.h>
 #include <stdbool.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <string.h>
 #include <sys/epoll.h>
+#include <sys/socket.h>
+#include <sys/syscall.h>
+#include <termios.h>
 #include <unistd.h>
 
 #include "loop.h"
-#include "pty.h"
+
+#define FAKES_MAX 2
 
 #define FAKE_EXTENDED (UINT64_C(1) << 12)
 #define FAKE_CODED (UINT64_C(1) << 11)
@@ -32,7 +41,8 @@ struct fake_command {
 
 struct fake_controller {
     struct loop_watch watch;
-    char path[64], adapter[80]; /* the device, and its name in the configuration */
+    char path[32], adapter[48]; /* the device, and its name in the configuration */
+    bool plugged_in;
     uint8_t packet[300];
     size_t filled;
     /* what it can do */
@@ -54,7 +64,7 @@ struct fake_controller {
 
 static void fake_send(struct fake_controller *fake, const uint8_t *packet, size_t length)
 {
-    if (write(fake->watch.fd, packet, length) < 0) {
+    if (send(fake->watch.fd, packet, length, MSG_NOSIGNAL) < 0) {
         return; /* nobody is there */
     }
 }
@@ -273,6 +283,16 @@ static inline void fake_release(struct fake_controller *fake)
     }
 }
 
+static void fake_hang_up(struct fake_controller *fake)
+{
+    int end = fake->watch.fd;
+
+    if (end >= 0) {
+        loop_unwatch(&fake->watch);
+        close(end);
+    }
+}
+
 static void fake_on_readable(void *context, uint32_t events, int64_t now_us)
 {
     struct fake_controller *fake = context;
@@ -286,40 +306,83 @@ static void fake_on_readable(void *context, uint32_t events, int64_t now_us)
             fake_take_command(fake);
         }
     }
-    if (events & EPOLLHUP) { /* closed by the daemon, which will be back: don't spin */
-        usleep(1000);
+    if (events & EPOLLHUP) { /* closed by the daemon, which may open it again */
+        fake_hang_up(fake);
     }
+}
+
+static struct fake_controller *fakes[FAKES_MAX]; /* that were started */
+
+static int fake_open(struct fake_controller *fake)
+{
+    int ends[2];
+
+    if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0, ends) < 0) {
+        return -1;
+    }
+    fake_hang_up(fake);
+    fake->filled = 0;
+    loop_watch(&fake->watch, ends[1], EPOLLIN, fake_on_readable, fake);
+    return ends[0];
+}
+
+int open(const char *path, int flags, ...)
+{
+    va_list rest;
+    mode_t mode;
+
+    for (int i = 0; i < FAKES_MAX; i++) {
+        if (fakes[i] != NULL && fakes[i]->plugged_in && strcmp(fakes[i]->path, path) == 0) {
+            return fake_open(fakes[i]);
+        }
+    }
+    va_start(rest, flags);
+    mode = (flags & O_CREAT) != 0 ? va_arg(rest, mode_t) : 0;
+    va_end(rest);
+    return (int)syscall(SYS_openat, AT_FDCWD, path, flags, mode);
+}
+
+int tcgetattr(int fd, struct termios *termios)
+{
+    (void)fd;
+    memset(termios, 0, sizeof(*termios));
+    return 0;
+}
+
+int tcsetattr(int fd, int when, const struct termios *termios)
+{
+    (void)fd;
+    (void)when;
+    (void)termios;
+    return 0;
 }
 
 static void fake_plug_in(struct fake_controller *fake)
 {
-    int master = pty_open(fake->path);
-
-    fake->filled = 0;
     fake_forget(fake);
-    if (master >= 0) {
-        loop_watch(&fake->watch, master, EPOLLIN, fake_on_readable, fake);
-    }
+    fake->plugged_in = true;
 }
 
 static void fake_unplug(struct fake_controller *fake)
 {
-    int master = fake->watch.fd;
-
-    unlink(fake->path);
-    if (master >= 0) {
-        loop_unwatch(&fake->watch);
-        close(master);
-    }
+    fake->plugged_in = false;
+    fake_hang_up(fake);
 }
 
 static void fake_start(struct fake_controller *fake, uint64_t features)
 {
+    int place = 0;
+
     memset(fake, 0, sizeof(*fake));
+    fake->watch.fd = -1;
     fake->features = features;
     fake->interval_min = 0x20;
     fake->sets_max = 2;
-    pty_make_path(fake->path, "bt");
+    while (fakes[place] != NULL && fakes[place] != fake) {
+        place++;
+    }
+    fakes[place] = fake;
+    snprintf(fake->path, sizeof(fake->path), "/dev/fake%d", place);
     snprintf(fake->adapter, sizeof(fake->adapter), "h4:%s", fake->path);
     fake_plug_in(fake);
 }
@@ -327,7 +390,11 @@ static void fake_start(struct fake_controller *fake, uint64_t features)
 static void fake_end(struct fake_controller *fake)
 {
     fake_unplug(fake);
-    pty_remove_path(fake->path);
+    for (int i = 0; i < FAKES_MAX; i++) {
+        if (fakes[i] == fake) {
+            fakes[i] = NULL;
+        }
+    }
 }
 
 #endif

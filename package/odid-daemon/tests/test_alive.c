@@ -14,6 +14,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "simulated_time.h"
+
 #include "alive.h"
 #include "loop_until.h"
 #include "sandbox.h"

@@ -182,7 +182,7 @@ static void a_payload_is_taken_when_the_controller_says_so(void **state)
     run_ms(20);
     assert_int_equal(bt4.payloads, before);
     fake_release(&fake);
-    run_ms(SETTLE_MS);
+    run_ms(50);
     assert_int_equal(bt4.payloads, before + 1);
     assert_true(in_time(loop_now_us() - bt4.accepted_us, 0, 100000));
 }
@@ -219,16 +219,16 @@ static void what_was_overtaken_is_not_sent(void **state)
     fake.holds = true;
     n = fake.count;
     set_extended(10);
-    run_ms(SETTLE_MS);
+    run_ms(50);
     set_extended(11);
     set_legacy(20);
     set_legacy(21);
     set_extended(12);
-    run_ms(SETTLE_MS);
+    run_ms(50);
     assert_int_equal(fake.count, n + 1); /* one command at a time */
     for (int i = 0; i < 3; i++) {
         fake_release(&fake);
-        run_ms(i == 1 ? 220 : SETTLE_MS); /* what is set stays for as long as it takes to be sent */
+        run_ms(i == 1 ? 220 : 50); /* what is set stays for as long as it takes to be sent */
     }
     assert_int_equal(fake.count, n + 3);
     assert_int_equal(fake.commands[n].parameters[4 + 5], 10);

@@ -6,6 +6,8 @@
 
 #include <cmocka.h>
 
+#include "simulated_time.h"
+
 #include "fake_hostapd.h"
 #include "hostapd_control.h"
 #include "loop_until.h"

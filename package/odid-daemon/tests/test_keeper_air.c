@@ -6,6 +6,8 @@
 
 #include <cmocka.h>
 
+#include "simulated_time.h"
+
 #include "fake_controller.h"
 #include "fake_hostapd.h"
 #include "keeper_air.h"

@@ -27,6 +27,7 @@
 #include "sandbox.h"
 
 #define BEAT_US 100000
+#define DAEMON_S 120
 
 /* ---- as the daemon ---- */
 
@@ -48,13 +49,25 @@ static unsigned note_start(const char *directory, const char *mode, bool log_mod
     return (unsigned)((size_t)status.st_size / strlen(line));
 }
 
+static int spoken; /* DIRECTORY/spoken: empty before its first sign of life */
+
+static void note_spoken(void)
+{
+    if (write(spoken, "x", 1) != 1) {
+        exit(94);
+    }
+}
+
 static void beat(void)
 {
     const char *number = getenv(ALIVE_VARIABLE);
 
-    for (int i = 0; i < 100; i++) {
+    for (int i = 0; i < DAEMON_S * 1000000 / BEAT_US; i++) {
         if (number == NULL || write(atoi(number), "a", 1) != 1) {
             exit(97);
+        }
+        if (i == 0) {
+            note_spoken();
         }
         usleep(BEAT_US);
     }
@@ -72,13 +85,16 @@ static int be_daemon(int argc, char *argv[])
 {
     bool log_mode = strcmp(argv[1], "-seccomp-log") == 0;
     const char *mode = argv[argc - 1];
+    char path[64];
     unsigned started;
 
     if (argc != 5 + log_mode) {
         return 99;
     }
-    alarm(120); /* none is left over, whatever happens */
+    alarm(DAEMON_S); /* none is left over, whatever happens */
     started = note_start(argv[argc - 2], mode, log_mode);
+    snprintf(path, sizeof(path), "%s/spoken", argv[argc - 2]);
+    spoken = open(path, O_WRONLY | O_CREAT | O_CLOEXEC, 0644);
     if (strcmp(mode, "filtered") == 0 && !log_mode) {
         signal(SIGSYS, SIG_DFL); /* the sanitizer's is none of the daemon's */
         raise(SIGSYS);
@@ -98,7 +114,9 @@ static int be_daemon(int argc, char *argv[])
             return 95;
         }
         alive_start(loop_now_us());
-        run_ms(10000);
+        run_ms(50);
+        note_spoken();
+        run_ms(DAEMON_S * 1000);
     }
     beat();
     return 0;
@@ -212,7 +230,8 @@ static bool keeper_ended(void)
 
 static int tear_down(void **state)
 {
-    static const char *const files[] = {"started", "log", "odid.conf", "faults/odid-daemon"};
+    static const char *const files[] = {"started", "spoken", "log", "odid.conf",
+                                        "faults/odid-daemon"};
     char path[64];
     pid_t last = 0;
 
@@ -261,9 +280,14 @@ static void run_keeper(const char *mode, const char *silent_s, const char *off_a
     }
 }
 
-static bool once(void)
+/* Whoever runs now has given its first sign of life, and is what it wanted to be. */
+static bool has_spoken(void)
 {
-    return starts(NULL) >= 1;
+    char path[64], text[8];
+
+    snprintf(path, sizeof(path), "%s/spoken", directory);
+    read_text(path, text, sizeof(text));
+    return text[0] != '\0';
 }
 
 static bool twice(void)
@@ -277,8 +301,7 @@ static pid_t run_until_alive(const char *mode, const char *silent_s, const char 
     pid_t pid = 0;
 
     run_keeper(mode, silent_s, off_air_s);
-    assert_true(loop_until(once, 5000));
-    run_ms(200);
+    assert_true(loop_until(has_spoken, 5000));
     assert_int_equal(starts(&pid), 1);
     assert_int_equal(kill(pid, 0), 0);
     return pid;
@@ -360,17 +383,25 @@ static void one_that_never_speaks_is_killed(void **state)
     (void)state;
     run_keeper("hangs once", "0.3", "5");
     assert_true(loop_until(twice, 3000));
+    assert_true(loop_until(no_fault, 1000));
     run_ms(800);
     assert_int_equal(starts(NULL), 2);
-    assert_true(no_fault());
+}
+
+static bool four_times(void)
+{
+    return starts(NULL) >= 4;
 }
 
 static void one_that_ends_by_itself_is_started_once_a_second(void **state)
 {
+    int64_t start_us = loop_now_us();
+
     (void)state;
     run_keeper("fails", "0.3", "5");
-    run_ms(1500);
-    assert_in_range(starts(NULL), 3, 4); /* at once, then once a second */
+    assert_true(loop_until(four_times, 3000));
+    /* At once, then once a second. */
+    assert_true(loop_now_us() - start_us >= 2000000);
     assert_true(fault_says("ended with exit code 3"));
 }
 
@@ -418,20 +449,25 @@ static bool fault_tells_off_air(void)
     return fault_says("its last payload was taken off the air: wlan0.");
 }
 
+static bool log_tells_off_air(void)
+{
+    return log_has("its last payload was taken off the air: wlan0.");
+}
+
 static void the_payload_of_one_that_does_not_come_back_is_taken_off(void **state)
 {
+    int64_t start_us;
+
     (void)state;
     snprintf(hostapd.beacon, sizeof(hostapd.beacon), "dd05fa0bbc0d01");
+    start_us = loop_now_us();
     run_keeper("hangs", "0.4", "0.6");
-    run_ms(300);
-    assert_int_equal(hostapd.updates, 0);
     assert_true(loop_until(element_is_gone, 2000));
-    run_ms(100);
-    assert_true(log_has("its last payload was taken off the air: wlan0."));
-    run_ms(1000);
+    assert_true(loop_now_us() - start_us >= 600000);
+    assert_true(loop_until(log_tells_off_air, 1000));
+    assert_true(loop_until(four_times, 3000));
     assert_int_equal(hostapd.updates, 1); /* once */
-    assert_true(starts(NULL) > 2);
-    assert_true(fault_tells_off_air()); /* whatever happened since */
+    assert_true(fault_tells_off_air());   /* whatever happened since */
 }
 
 static void the_fault_stays_until_the_daemon_is_alive(void **state)
@@ -526,18 +562,22 @@ static void one_that_does_not_end_is_ended_and_taken_off_the_air(void **state)
     assert_int_equal(hostapd.updates, 1);
 }
 
+static pid_t orphan;
+static int orphan_status;
+
+static bool orphan_ended(void)
+{
+    return waitpid(orphan, &orphan_status, WNOHANG) == orphan; /* it became ours */
+}
+
 static void no_daemon_is_left_behind(const char *mode)
 {
-    pid_t pid = run_until_alive(mode, "3", "5");
-    int status;
-
-    run_ms(500);
+    orphan = run_until_alive(mode, "3", "5");
     kill(keeper, SIGKILL);
     assert_true(loop_until(keeper_ended, 1000));
-    run_ms(100);
-    assert_int_equal(waitpid(pid, &status, WNOHANG), pid); /* it became ours */
-    assert_true(WIFSIGNALED(status));
-    assert_int_equal(WTERMSIG(status), SIGKILL);
+    assert_true(loop_until(orphan_ended, 1000));
+    assert_true(WIFSIGNALED(orphan_status));
+    assert_int_equal(WTERMSIG(orphan_status), SIGKILL);
 }
 
 static void a_killed_keeper_leaves_no_daemon_behind(void **state)

@@ -16,7 +16,7 @@
 #include <unistd.h>
 
 #include "link.h"
-#include "loop.h"
+#include "loop_until.h"
 #include "pty.h"
 #include "telemetry.h"
 
@@ -28,7 +28,6 @@ static struct {
 } got;
 
 static struct config config;
-static struct loop_timer until;
 
 static void on_bytes(void *context, unsigned stream, const uint8_t *bytes, size_t length,
                      int64_t now_us)
@@ -47,23 +46,10 @@ static void on_reset(void *context, unsigned stream)
     got.resets++;
 }
 
-static void on_until(void *context, int64_t now_us)
-{
-    (void)context;
-    (void)now_us;
-    loop_stop();
-}
-
-static void run_ms(int ms)
-{
-    loop_arm(&until, loop_now_us() + ms * 1000);
-    assert_int_equal(loop_run(), 0);
-}
-
 /* Runs until it is so; a minute at most, which only a fault takes. */
 #define RUN_UNTIL(so)                                                                              \
-    for (int looks = 0; !(so) && looks < 12000; looks++) {                                         \
-        run_ms(5);                                                                                 \
+    for (int looks = 0; !(so) && looks < PATIENCE_MS; looks++) {                                   \
+        run_ms(1);                                                                                 \
     }
 
 static int open_pty(char path[64])
@@ -175,15 +161,17 @@ static void udp_keeps_senders_apart_and_answers_each(void **state)
     first = udp_sender(config.udp_port);
     second = udp_sender(config.udp_port);
     assert_int_equal(send(first, "aaa", 3, 0), 3);
-    run_ms(20);
+    RUN_UNTIL(got.length >= 3);
     assert_int_equal(send(second, "bbbbb", 5, 0), 5);
     assert_int_equal(send(first, "a", 1, 0), 1);
-    run_ms(20);
+    RUN_UNTIL(got.length >= 9);
     assert_int_equal(got.streams[0], 4);
     assert_int_equal(got.streams[1], 5);
     assert_int_equal(link_status()->senders, 2);
 
     link_send(1, (const uint8_t *)"to b", 4);
+    waiting = (struct pollfd){.fd = second, .events = POLLIN};
+    assert_int_equal(poll(&waiting, 1, PATIENCE_MS), 1);
     assert_int_equal(recv(second, back, sizeof(back), MSG_DONTWAIT), 4);
     waiting = (struct pollfd){.fd = first, .events = POLLIN};
     assert_int_equal(poll(&waiting, 1, 20), 0);
@@ -193,7 +181,7 @@ static void udp_keeps_senders_apart_and_answers_each(void **state)
     link_send(1, (const uint8_t *)"to b", 4);
     run_ms(20);
     assert_int_equal(send(first, "a", 1, 0), 1);
-    run_ms(20);
+    RUN_UNTIL(got.length >= 10);
     assert_int_equal(link_status()->state, LINK_ALIVE);
     assert_int_equal(got.streams[0], 5);
     close(first);
@@ -208,7 +196,7 @@ static void more_senders_than_streams_take_the_longest_silent_place(void **state
     for (unsigned i = 0; i < TELEMETRY_STREAMS + 1; i++) {
         fds[i] = udp_sender(config.udp_port);
         assert_int_equal(send(fds[i], "x", 1, 0), 1);
-        run_ms(5);
+        RUN_UNTIL(got.resets > i);
     }
     assert_int_equal(link_status()->senders, TELEMETRY_STREAMS);
     assert_int_equal(got.resets, TELEMETRY_STREAMS + 1);
@@ -220,7 +208,6 @@ static void more_senders_than_streams_take_the_longest_silent_place(void **state
 static int start_loop(void **state)
 {
     (void)state;
-    loop_timer_init(&until, on_until, NULL);
     return loop_init();
 }
 
