@@ -2,7 +2,6 @@
 touched, and the service keeps its limits."""
 
 import json
-import time
 
 import pytest
 from host import parts
@@ -60,5 +59,4 @@ def test_a_greedy_service_takes_nothing_from_the_broadcast(greedy):
     assert 5 < share < CPU_PERCENT * 1.1, "it did nothing, or more than it may"
     assert killed > 0 and refused > 0, "it was never at its limits of memory and processes"
     assert int(greedy.must(f"cat {GROUP}/memory.peak")) <= MEMORY_MIB << 20
-    time.sleep(1)
-    assert greedy.status()["position"]["fresh"]
+    greedy.wait_for("a position", lambda: greedy.status()["position"]["fresh"])

@@ -7,6 +7,7 @@ import threading
 import time
 from pathlib import Path
 
+import patience
 import pytest
 
 from . import flights
@@ -28,7 +29,7 @@ def page(make_machine):
     machine.wait_on_air()
     page = Page(machine)
     page.machine = machine
-    assert listening(machine) == set() and page.ask("GET", "/", timeout_s=3)[0] is None
+    assert listening(machine) == set() and page.ask("GET", "/", timeout_s=3)[0] is None  # nothing comes
     machine.must("odidctl maintenance on")
     machine.wait_for("the page", lambda: listening(machine) == {80})
     return page
@@ -62,7 +63,7 @@ def test_the_page_is_there_in_maintenance_and_gone_when_armed(page):
     machine.wait_for("arming", lambda: (machine.status() or {}).get("aircraft", {}).get("armed"))
     machine.wait_for("the port to close", lambda: listening(machine) == set(), CLOSED_WITHIN_S)
     assert page.ask("GET", "/api/status", connection=idle)[0] is None      # the open connection, too
-    assert page.ask("GET", "/", timeout_s=3)[0] is None
+    assert page.ask("GET", "/", timeout_s=3)[0] is None  # nothing comes
     assert machine.must("nft list set inet odid maintenance").count("elements") == 0
     assert machine.run("odidctl maintenance on").code != 0 or (time.sleep(4) or listening(machine)) == set()
 
@@ -82,7 +83,7 @@ def bundle(tmp_path):
 
 
 def send(page, data):
-    connection = page.connect(120)
+    connection = page.connect(patience.BOOTED_S)
     connection.request("POST", "/api/update", data, {"X-Odid-Page": "1", "Cookie": page.cookie})
     answer = connection.getresponse()
     return answer.status, json.loads(answer.read())
@@ -144,4 +145,4 @@ def test_what_the_page_costs(page):
     assert machine.status()["on_air"]
     serving = machine.must("pidof odid-web").split()
     machine.must(f"kill -9 {max(serving, key=int)}")
-    machine.wait_for("the page again", lambda: page.ask("GET", "/", timeout_s=2)[0] == 200, 10)
+    machine.wait_for("the page again", lambda: page.ask("GET", "/")[0] == 200, 10)

@@ -6,6 +6,7 @@ import re
 import subprocess
 import time
 
+import patience
 import pytest
 
 from . import flights
@@ -14,13 +15,14 @@ from .test_air import BEACON, frames, pack
 OFF_AIR_S = 5.0  # after which the last payload of a daemon that isn't back is taken off the air
 
 
-def ssh(machine, key, *command, timeout_s=60):
+def ssh(machine, key, *command):
     """A technician's computer. Returns exit code and output; 255: not let in."""
     done = subprocess.run(
         ["ssh", "-i", key, "-p", str(machine.ssh_port), "-o", "BatchMode=yes", "-o", "ConnectTimeout=10",
          "-o", "IdentitiesOnly=yes", "-o", "StrictHostKeyChecking=accept-new",
          "-o", f"UserKnownHostsFile={machine.folder}/known_hosts", "root@127.0.0.1", *command],
-        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=timeout_s)
+        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+        timeout=patience.LIMIT_S)
     return done.returncode, done.stdout
 
 
@@ -69,8 +71,11 @@ def test_the_flight_record_says_whether_it_was_on_the_air(make_machine):
     machine.play(flights.generate(machine.folder / "flight.tlog", 90))  # arms in its fourth second
     machine.wait_on_air(position=True)
     time.sleep(10)
-    machine.must("kill -STOP $(pidof hostapd)")  # until hostapd-watch ends it
-    time.sleep(25)
+    hung = machine.must("pidof hostapd").strip()
+    machine.must(f"kill -STOP {hung}")
+    machine.wait_inside("its end by hostapd-watch", f"[ ! -e /proc/{hung} ]")
+    machine.wait_on_air(position=True)
+    time.sleep(15)
     machine.cut_power()
     machine.power_on()
     machine.wait_on_air()
@@ -79,10 +84,11 @@ def test_the_flight_record_says_whether_it_was_on_the_air(make_machine):
     flown = records[1]
     print(json.dumps(flown, indent=1))
     assert flown["ended"] == "power cut"
-    assert flown["first_broadcast_s"] < 10
     assert flown["armed_s"] > 15
-    assert flown["channels"]["bt4"]["armed_longest_gap_s"] < 0.5
-    assert 1 < flown["channels"]["wifi"]["armed_longest_gap_s"] < 8
+    assert flown["channels"]["wifi"]["armed_longest_gap_s"] > 1
+    patience.promise("the first broadcast", flown["first_broadcast_s"], 10)
+    patience.promise("the longest gap on bt4", flown["channels"]["bt4"]["armed_longest_gap_s"], 0.5)
+    patience.promise("the longest gap on wifi", flown["channels"]["wifi"]["armed_longest_gap_s"], 8)
     assert "Wi-Fi" in flown["verdict"]
 
 
@@ -90,11 +96,13 @@ def test_a_board_without_radios_boots_and_says_so(make_machine):
     machine = make_machine("no-radios")
     machine.power_on(radios=False)
     machine.wait_inside("all services", "pidof odid-recorder && [ -e /run/odid-appliance/booted ]")
+
+    def reasons():
+        status = machine.status()
+        return " ".join(problem["reason"] for problem in status["problems"]) if status else ""
+    machine.wait_for("the reasons", lambda: "Bluetooth" in reasons() and "Wi-Fi" in reasons())
     time.sleep(10)
-    status = machine.status()
-    assert status is not None and not status["on_air"]
-    reasons = " ".join(problem["reason"] for problem in status["problems"])
-    assert "Bluetooth" in reasons and "Wi-Fi" in reasons, reasons
+    assert not machine.status()["on_air"]
     output = machine.run("odidctl status")
     assert output.code != 0 and "no Wi-Fi interface" in output.output, output.output
     # It is not tried again and again, and nothing crashes.
@@ -111,13 +119,16 @@ def test_a_daemon_that_never_comes_back_is_taken_off_the_air(make_machine):
     machine.must("mount --bind /bin/false $(which odid-daemon)")
     killed, killed_mono = time.time(), time.monotonic()
     machine.must("kill -KILL $(pidof odid-daemon)")
-    time.sleep(OFF_AIR_S + 6)
-    for channel in ("bt4", "bt5"):
-        on_air_s = machine.air.receptions(channel)[-1].mono - killed_mono
-        assert on_air_s < OFF_AIR_S + 1.5, f"{channel}: still on the air after {on_air_s:.1f} s"
-        assert on_air_s > 0.5, f"{channel}: taken off before the daemon could be back"
-    last = max(at for at, row in frames(machine.pcap, BEACON, killed) if pack(row))
-    assert 0.5 < last - killed < OFF_AIR_S + 1.5, f"wifi: still on the air after {last - killed:.1f} s"
+    machine.wait_inside("the keeper", "odidctl status | grep -q 'taken off the air'")
+    time.sleep(1)
+    off_s = time.monotonic() - killed_mono
+    time.sleep(4)
+    on_air_s = {channel: machine.air.receptions(channel)[-1].mono - killed_mono for channel in ("bt4", "bt5")}
+    on_air_s["wifi"] = max(at for at, row in frames(machine.pcap, BEACON, killed) if pack(row)) - killed
+    assert max(on_air_s.values()) < off_s, f"still on the air: {on_air_s}"
+    for channel, seconds in on_air_s.items():
+        patience.promise(f"{channel}: on the air without a daemon", seconds, OFF_AIR_S + 1.5)
+        patience.promised(seconds > 0.5, f"{channel}: taken off before the daemon could be back")
     status = machine.run("odidctl status")
     # In the order in which it was done.
     assert status.code != 0 and re.search("taken off the air: (wlan0, hci0|hci0, wlan0)", status.output), status.output

@@ -13,9 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 TESTS = Path("tests")
-# Tests that `make test` leaves to `make test-all`, file by file.
-BOOTED = [str(path.relative_to(TESTS)) for folder in ("bench", "update") for path in (TESTS / folder).glob("test_*.py")
-          if path.name not in ("test_parts.py", "test_figures.py", "test_ddi.py", "test_writes.py")]
 # Waiting and looking at the clock is what these are for.
 PERMITTED_FILES = {
     "patience.py": "the waits themselves",
@@ -32,7 +29,6 @@ PERMITTED_FILES = {
     **{f"bench/{name}.py": "measures: make demo, make soak, make test-all" for name in (
         "demo", "soak", "runs", "faults", "boot_chart", "without", "tap")},
     "bench/image/__main__.py": "builds, and says how long it took",
-    **{folder: "boots the appliance: make test-all" for folder in BOOTED},
     "update/server.py": "a model: so many octets a second",
     "update/hawkbit.py": "a model: an interval of polls",
     "update/power_cuts.py": "cuts the power at chosen instants",
@@ -41,6 +37,15 @@ PERMITTED_FILES = {
 # Until something has *not* happened, or as long as a test gives to what it harms.
 PERMITTED_SLEEPS = {
     "bench/conftest.py::flying": "what is measured in flight begins when it has settled",
+    "bench/test_air.py::test_the_answer_to_a_probe_carries_the_beacon_s_pack": "so long beacons are collected",
+    "bench/test_boot.py::power_on_again": "so long receptions are collected",
+    "bench/test_page.py::test_the_page_is_there_in_maintenance_and_gone_when_armed": "it must not be there again",
+    "bench/test_power_cut.py::test_power_cuts": "the power is cut at a chosen instant",
+    "bench/test_release.py::test_memory_in_use": "what is measured begins when it has settled",
+    "bench/test_services.py::test_ssh_is_for_an_installed_key_only": "nothing may listen",
+    "bench/test_services.py::test_the_flight_record_says_whether_it_was_on_the_air": "so long a flight goes on",
+    "bench/test_services.py::test_a_board_without_radios_boots_and_says_so": "nothing may end, nor be on the air",
+    "bench/test_services.py::test_a_daemon_that_never_comes_back_is_taken_off_the_air": "nothing may be heard",
     "bench/guest/test_relay.py::test_a_peer_that_is_not_there_costs_nothing": "it must not end",
     "host/test_flight_record.py::test_a_flight_with_a_killed_daemon_a_lost_hostapd_and_a_killed_recorder":
         "so long a flight goes on, and so long something is away",
@@ -49,6 +54,13 @@ PERMITTED_SLEEPS = {
     "scripts/test_scripts.py::test_another_hawkbit_counts_when_no_update_is_going_on": "it must not be told again",
     "scripts/test_scripts.py::test_an_orphan_is_taken_over_and_a_stranger_with_its_number_is_not": "neither may end",
     "test_receiver_sources.py::test_follow_a_growing_file": "half a record lies there",
+    "update/test_air.py::test_the_broadcast_goes_on": "what is measured begins when it has settled",
+    "update/test_armed.py::test_writing_stops": "nothing may be written; so long it is disarmed",
+    "update/test_hawkbit.py::test_switched_off_and_on_by_the_technician": "nobody may ask",
+    "update/test_refused.py::armed": "so long it is disarmed before the next one",
+    "update/test_tls.py::test_a_clock_that_is_wrong_until_the_autopilot_sets_it_back": "nobody may ask",
+    "update/test_tls.py::test_another_authority_is_not_believed": "nobody may ask",
+    "update/test_trial.py::test_switched_off_ten_times_on_trial": "the power is cut at a chosen instant",
     "web/test_api.py::test_the_page_answers_while_a_slow_updater_takes_a_bundle": "a pause between questions",
     "web/test_api.py::test_the_same_result_twice_is_two_results": "a file's time goes on in steps",
     "web/test_page.py::picture": "pictures for docs/page.md",

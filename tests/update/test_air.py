@@ -2,6 +2,7 @@
 
 import time
 
+import patience
 import pytest
 from bench.gaps import CHANNELS, Contents
 
@@ -57,5 +58,6 @@ def test_the_broadcast_goes_on(make_appliance, log):
         measured[f"{name.replace(' ', '_')}_gap_s"] = round(gap_s, 2)
     figures.note(**measured)
     assert one.result()["outcome"] == "installed"
-    assert max(measured["install_gap_s"], measured["trial_and_commit_gap_s"]) <= GAP_S
+    for name, gap_s in measured.items():
+        patience.promise(name, gap_s, GAP_S)
     wait_for("the end", lambda: one.state() == "idle", 5)

@@ -3,6 +3,7 @@
 import re
 import time
 
+import patience
 import pytest
 
 from . import LONG, autopilot, bundles
@@ -57,10 +58,8 @@ def told(appliance, reason):
 
 
 def no_restart(appliance, seconds):
-    before, end = appliance.starts(), time.monotonic() + seconds
-    while time.monotonic() < end:
-        assert appliance.starts() == before
-        time.sleep(1)
+    before = appliance.starts()
+    patience.stays("no restart", lambda: appliance.starts() == before, seconds)
 
 
 def test_armed_while_it_is_checked(ready, logs):

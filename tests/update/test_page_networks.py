@@ -6,6 +6,7 @@ USB port, that is its own."""
 import os
 import time
 
+import patience
 import pytest
 from bench.conftest import GROUND, PASSWORD
 from bench.gaps import CHANNELS, Contents
@@ -92,7 +93,7 @@ def test_a_bundle_by(way, make_appliance, tmp_path):
         way(machine)
         machine.must(f"nft insert rule inet odid input iifname eth0 tcp dport {PORT} accept")
         page = Page(machine, PORT)
-        wait_for("the page", lambda: page.ask("GET", "/", timeout_s=3)[0] == 200)
+        wait_for("the page", lambda: page.ask("GET", "/")[0] == 200)
         assert page.ask("POST", "/api/session", {"password": PASSWORD}) == (200, {})
         before, begun = one.starts(), time.monotonic()
         code, said = send(page, bundle.read_bytes())
@@ -104,7 +105,7 @@ def test_a_bundle_by(way, make_appliance, tmp_path):
         assert one.slot() == "b" and one.version() == NEWER
         # The page comes back by itself, to whoever waits for the outcome.
         page = Page(machine)
-        wait_for("the page again", lambda: page.ask("GET", "/", timeout_s=3)[0] == 200)
+        wait_for("the page again", lambda: page.ask("GET", "/")[0] == 200)
         assert page.ask("POST", "/api/session", {"password": PASSWORD}) == (200, {})
         one.wait_state("idle")
         assert "is installed" in page.ask("GET", "/api/status")[1]["last_update"]["sentence"]
@@ -112,4 +113,4 @@ def test_a_bundle_by(way, make_appliance, tmp_path):
         judge.stop()
     gap_s, channel = Contents(machine.folder / "judge/receptions.jsonl").worst_gap(CHANNELS, begun, ended)
     print(f"longest gap {gap_s:.2f} s on {channel}")
-    assert gap_s <= GAP_S
+    patience.promise(f"the longest gap, on {channel}", gap_s, GAP_S)

@@ -47,7 +47,7 @@ def installed(appliance, bundle):
     got = appliance.install(bundle)
     took = time.monotonic() - began
     assert got.code == 0, got.output
-    assert took <= INSTALL_S
+    patience.promise("the install", took, INSTALL_S)
     print(f"install_s {took:.1f}")
     if appliance.machine.shell:
         appliance.machine.shell.close()
@@ -130,9 +130,9 @@ def test_one_that_fails_is_given_up_without_a_hand_on_it(ready, failure):
     took = time.monotonic() - failed
     figures.note(**{f"{failure.name}_failed_to_air_s": round(took, 1),
                     f"{failure.name}_restart_to_air_s": round(time.monotonic() - began, 1)})
-    assert took <= BACK_ON_AIR_S
+    patience.promise("back on the air", took, BACK_ON_AIR_S)
     if not failure.itself:
-        assert time.monotonic() - began <= GIVEN_UP_S[failure.name]
+        patience.promise("given up", time.monotonic() - began, GIVEN_UP_S[failure.name])
     assert ready.slot() == "a"
     assert ready.version() == bundles.running_version()
     result = wait_for("the result", ready.result)

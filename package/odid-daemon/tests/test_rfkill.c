@@ -6,9 +6,9 @@
 
 #include <cmocka.h>
 
-#include <linux/rfkill.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <linux/rfkill.h>
 #include <poll.h>
 #include <string.h>
 #include <sys/socket.h>
