@@ -193,7 +193,7 @@ test-all: LEVELS = check unit fuzz parts system bench soak without
 test-all: test-begin
 	@$(MAKE) --no-print-directory --keep-going -j 1 $(LEVELS:%=level-%) FUZZ_SECONDS=60 SPREAD= \
 		PARTS='not booted and not long' || true
-	@$(RUN) tests/summary.py build/test $(LEVELS)
+	@$(RUN) tests/summary.py build/test $(LEVELS) --keep build/test-all
 
 test-begin:
 	@rm -rf build/test && mkdir -p build/test && date +%s >build/test/started

@@ -50,7 +50,8 @@ class Watch:
         self.process.wait()
 
 
-def _lines(log, key, from_mono, until_mono):
+def lines(log, key, from_mono=0.0, until_mono=float("inf")):
+    """Those that have this key, of a window."""
     if not Path(log).exists():
         return []
     return [one for _, one in read_json_lines(log)
@@ -59,14 +60,14 @@ def _lines(log, key, from_mono, until_mono):
 
 def stood_still_s(log, from_mono, until_mono):
     """The longest standstill that reaches into the window; 0 without one, or without a log."""
-    return max((one["seconds"] for one in _lines(log, "processor", from_mono, until_mono)), default=0.0)
+    return max((one["seconds"] for one in lines(log, "processor", from_mono, until_mono)), default=0.0)
 
 
 def others_had(log, from_mono, until_mono):
     """How many processors other work had on average; 0 without a log."""
-    lines = _lines(log, "others", from_mono, until_mono)
-    seconds = sum(one["seconds"] for one in lines)
-    return sum(one["others"] * one["seconds"] for one in lines) / seconds if seconds else 0.0
+    counted = lines(log, "others", from_mono, until_mono)
+    seconds = sum(one["seconds"] for one in counted)
+    return sum(one["others"] * one["seconds"] for one in counted) / seconds if seconds else 0.0
 
 
 # --- the watch itself ----------------------------------------------------------

@@ -4,14 +4,21 @@ LEVEL.exit when its runner's exit code wasn't 0.
 What a test of real time measured on a machine with other work is not judged: it says nothing of the code, is listed
 with its figure, and counts apart. The last line is the count, alone. Exits with 0 only when nothing failed and every
 level that was asked for left results with at least one test in them.
+
+--keep FOLDER: the same as FOLDER/summary.txt, below the commit, the date and what machine it was.
 """
 
+import argparse
+import os
 import re
+import subprocess
 import sys
 import time
 from collections import Counter
 from pathlib import Path
 from xml.etree import ElementTree
+
+import quiet
 
 # One line per test inside a cmocka program, which ctest takes for a single test.
 CMOCKA = re.compile(r"^\[  *(RUN|OK|FAILED|SKIPPED|ERROR)  *\] (\S+)$")
@@ -99,36 +106,72 @@ def headline(why: str) -> str:
     return next(filter(TELLING.search, lines), lines[0])
 
 
+def origin(folder: Path) -> str:
+    """What was tested, when, and on what; how quiet that was is in each level's own watch."""
+    words = ["git", "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"]
+    commit = subprocess.run(words, capture_output=True, text=True, check=False).stdout.strip() or "no commit"
+    processors = re.search(r"^model name\s*: (.*)$", Path("/proc/cpuinfo").read_text(), re.M)
+    memory_kib = re.search(r"^MemTotal:\s*(\d+)", Path("/proc/meminfo").read_text(), re.M)
+    still_s, others, watched_s = watched(folder)
+    return (f"commit {commit}, {time.strftime('%Y-%m-%d %H:%M', time.gmtime())} UTC\n"
+            f"{os.cpu_count()} processors, {processors[1] if processors else os.uname().machine}, "
+            f"{int(memory_kib[1]) / 2**20:.0f} GiB, Linux {os.uname().release}\n"
+            f"watched for {watched_s:.0f} s: stood still for {still_s:.1f} s at most, other work had {others:.2f} processors\n")
+
+
+def watched(folder: Path) -> tuple[float, float, float]:
+    """Of all the watches that were kept (conftest.py): the longest standstill, the processors that other work had on
+    average, and over how long."""
+    logs = list(folder.glob("quiet-*.jsonl"))
+    counted = [one for log in logs for one in quiet.lines(log, "others")]
+    watched_s = sum(one["seconds"] for one in counted)
+    others = sum(one["others"] * one["seconds"] for one in counted) / watched_s if watched_s else 0.0
+    return max((quiet.stood_still_s(log, 0, float("inf")) for log in logs), default=0.0), others, watched_s
+
+
 def main() -> int:
-    folder, levels = Path(sys.argv[1]), sys.argv[2:]
+    parser = argparse.ArgumentParser(description="Adds up what the levels of a test left.")
+    parser.add_argument("folder", type=Path, help="where they left it")
+    parser.add_argument("levels", nargs="+")
+    parser.add_argument("--keep", type=Path, metavar="FOLDER")
+    arguments = parser.parse_args()
+    text, passed = summary(arguments.folder, arguments.levels)
+    print(text, end="")
+    if arguments.keep:
+        arguments.keep.mkdir(parents=True, exist_ok=True)
+        (arguments.keep / "summary.txt").write_text(origin(arguments.folder) + text, encoding="utf-8")
+    return 0 if passed else 1
+
+
+def summary(folder: Path, levels: list[str]) -> tuple[str, bool]:
+    said: list[str] = []
     total: Counter[str] = Counter()
     listed: dict[str, list[Result]] = {"skipped": [], "not judged": [], "failed": []}
-    print("\nSummary")
+    said.append("\nSummary")
     for name in levels:
         found = level(folder / f"{name}.xml")
         counts = Counter(verdict for verdict, _, _ in found)
         total += counts
         for verdict, some in listed.items():
             some += [one for one in found if one[0] == verdict]
-        print(
+        said.append(
             f"  {name:8} {counts['passed']:5} passed {counts['failed']:5} failed {counts['skipped']:5} skipped"
             + (f" {counts['not judged']:5} not judged" if counts["not judged"] else "")
         )
-    print("Slowest")
+    said.append("Slowest")
     for seconds, name in slowest([folder / f"{name}.xml" for name in levels]):
-        print(f"  {seconds:6.1f} s  {name}")
+        said.append(f"  {seconds:6.1f} s  {name}")
     for verdict, some in listed.items():
         if some:
-            print(verdict.capitalize())
-        for _, name, why in some:
-            print(f"  {name}: {headline(why)}")
+            said.append(verdict.capitalize())
+        said += [f"  {name}: {headline(why)}" for _, name, why in some]
     started = folder / "started"
     if started.exists():
-        print(f"Took {time.time() - int(started.read_text()):.0f} s, set-up and building included")
+        said.append(f"Took {time.time() - int(started.read_text()):.0f} s, set-up and building included")
     if total["not judged"]:
-        print(f"{total['passed']} passed, {total['failed']} failed, {total['not judged']} not judged")
-    print(f"{total['passed']} passed, {total['failed']} failed, {total['skipped']} skipped")
-    return 0 if total["passed"] and not total["failed"] else 1
+        said.append(f"{total['passed']} passed, {total['failed']} failed, {total['not judged']} not judged")
+    said.append(f"{total['passed']} passed, {total['failed']} failed, {total['skipped']} skipped")
+    return "\n".join(said) + "\n", total["passed"] > 0 and not total["failed"]
 
 
 if __name__ == "__main__":
