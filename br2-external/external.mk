@@ -26,6 +26,20 @@ define ODID_BUSYBOX_CONFIG
 endef
 PACKAGES_BUSYBOX_CONFIG_FIXUPS += $(ODID_BUSYBOX_CONFIG)$(sep)
 
+# --- No trace of the folder it was built in ------------------------------------
+
+# Libtool and CMake link with the build folder as search path and take it out again, when they install or Buildroot's
+# patchelf does: its length stays, in the string table. So it isn't put in: one image in each folder.
+LIBUBOOTENV_CONF_OPTS += -DCMAKE_SKIP_RPATH=ON
+define ODID_NO_RPATH
+	$(SED) 's/^hardcode_into_libs=.*/hardcode_into_libs=no/; s/^hardcode_libdir_flag_spec=.*/hardcode_libdir_flag_spec=/; s/^runpath_var=.*/runpath_var=/' \
+		$(@D)/libtool
+endef
+LIBNL_POST_CONFIGURE_HOOKS += ODID_NO_RPATH
+LIBCURL_POST_CONFIGURE_HOOKS += ODID_NO_RPATH
+LIBNFTNL_POST_CONFIGURE_HOOKS += ODID_NO_RPATH
+NFTABLES_POST_CONFIGURE_HOOKS += ODID_NO_RPATH
+
 # --- A wish that did not survive is an error --------------------------------
 
 ODID_CHECK_CONFIG = $(ODID_BOARD_DIR)/common/check-config.sh

@@ -526,6 +526,10 @@ def test_the_release(tmp_path):
         "odid-qemu-1.0.img.xz", "odid-qemu-1.0.sbom.json", "u-boot.bin"]
     must("sh", "-c", f"cd {release} && sha256sum --quiet -c SHA256SUMS")
     assert len((release / "SHA256SUMS").read_text().splitlines()) == 6
+    # Without a bill of materials it is a release all the same, and says so.
+    (out / "sbom.json").unlink()
+    assert "odid-qemu-1.0.sbom.json" in must(COMMON / "pack-release.sh", "qemu", out, "odid-qemu-1.0")
+    assert len((release / "SHA256SUMS").read_text().splitlines()) == 5
     # What a technician does with it: only what the map names is written.
     must("bmaptool", "-q", "copy", release / "odid-qemu-1.0.img.xz", tmp_path / "card")
     assert (tmp_path / "card").read_bytes() == (out / "images/disk.img").read_bytes()
@@ -548,7 +552,7 @@ def test_two_builds_are_compared(tmp_path):
 
 def test_what_is_missing_to_make_an_image_is_said(tmp_path):
     check = COMMON / "check-host.sh"
-    result = call(check, "pi", tmp_path / "a b", tmp_path, PATH="/nowhere:" + os.environ["PATH"])
+    result = call(check, "pi", tmp_path, tmp_path / "a b", PATH="/nowhere:" + os.environ["PATH"])
     assert result.returncode == 1
     assert "BOARD=pi" in result.stderr and "expected one of: cm4, qemu" in result.stderr
     assert "a space in its name" in result.stderr
@@ -556,9 +560,38 @@ def test_what_is_missing_to_make_an_image_is_said(tmp_path):
     tools.mkdir()
     for name in ("sh", "dirname", "mkdir", "df", "awk", "make"):
         (tools / name).symlink_to(shutil.which(name))
-    result = call(check, "cm4", tmp_path / "out", tmp_path, PATH=str(tools))
+    result = call(check, "cm4", tmp_path, tmp_path / "out", PATH=str(tools))
     assert result.returncode == 1 and "bmaptool is not installed" in result.stderr
     assert "make is not installed" not in result.stderr
+
+
+def test_each_build_needs_its_room(tmp_path):
+    """make reproducible makes two: that the second has none is said before the first begins."""
+    disk = tmp_path / "df"
+    disk.write_text("#!/bin/sh\nprintf 'header\\n/dev/disk 0 0 16777216 0%% /\\n'\n")  # 16 GiB
+    disk.chmod(0o755)
+
+    def complaints(*outs):
+        return call(COMMON / "check-host.sh", "cm4", tmp_path, *outs, PATH=f"{tmp_path}:{os.environ['PATH']}").stderr
+    one, other = tmp_path / "one", tmp_path / "other"
+    assert "GiB" not in complaints(one) and "20 GiB are needed" in complaints(one, other)
+    (one / "built").write_text("")
+    assert "GiB" not in complaints(one, other)
+
+
+def test_the_list_of_licences_is_taken_by_its_hash(tmp_path):
+    """Whatever a server says under its name: the image is made without it, and what is missing is named."""
+    (tmp_path / "utils").mkdir()
+    (tmp_path / "utils/generate-cyclonedx").write_text('CYCLONEDX_VERSION = "1.6"\n')
+    wget = tmp_path / "wget"
+    wget.write_text('#!/bin/sh\nwhile [ "$1" != -O ]; do shift; done\necho "{}" >"$2"\n')
+    wget.chmod(0o755)
+    result = call(COMMON / "licence-names.sh", tmp_path, tmp_path, PATH=f"{tmp_path}:{os.environ['PATH']}")
+    listing = tmp_path / "cyclonedx/spdx-1.6.schema.json"
+    assert result.returncode == 1 and str(listing) in result.stderr and "expected baa9d3bd" in result.stderr
+    assert not list(listing.parent.iterdir())
+    (tmp_path / "utils/generate-cyclonedx").write_text('CYCLONEDX_VERSION = "1.7"\n')
+    assert "another version" in call(COMMON / "licence-names.sh", tmp_path, tmp_path).stderr
 
 
 # --- with Buildroot -------------------------------------------------------------------

@@ -1,8 +1,9 @@
 #!/bin/sh
-# check-host.sh BOARD OUT SOURCES: whether an image can be made here: all that is missing at once,
-# before hours are spent. What Buildroot itself needs beside this it says at its start.
+# check-host.sh BOARD SOURCES OUT...: whether an image can be made here, in each OUT: all that is missing at
+# once, before hours are spent. What Buildroot itself needs beside this it says at its start.
 set -eu
-board=$1 out=$2 sources=$3
+board=$1 sources=$2
+shift 2
 needed_gib=10
 project=$(cd "$(dirname "$0")/../.." && pwd)
 wrong=''
@@ -21,18 +22,20 @@ for program in bmaptool git openssl make gcc g++ perl python3 rsync cpio bc unzi
 	command -v $program >/dev/null || complain "$program is not installed"
 done
 
-for folder in "$project" "$out" "$sources"; do
+for folder in "$project" "$sources" "$@"; do
 	case $folder in
 	*[[:space:]]*) complain "$folder: Buildroot can't work in a folder with a space in its name" ;;
 	esac
 done
 
 # One that was built once has its room.
-if [ ! -e "$out/built" ]; then
-	mkdir -p "$out"
-	free_kib=$(df -P -k "$out" | awk 'NR == 2 { print $4 }')
-	[ "$free_kib" -ge $((needed_gib * 1024 * 1024)) ] ||
-		complain "$out: $((free_kib / 1024 / 1024)) GiB free, $needed_gib GiB are needed"
-fi
+all_gib=0
+for out; do
+	[ -e "$out/built" ] || all_gib=$((all_gib + needed_gib))
+done
+mkdir -p "$1"
+free_kib=$(df -P -k "$1" | awk 'NR == 2 { print $4 }')
+[ "$free_kib" -ge $((all_gib * 1024 * 1024)) ] ||
+	complain "$1: $((free_kib / 1024 / 1024)) GiB free, $all_gib GiB are needed"
 
 [ -z "$wrong" ]

@@ -11,13 +11,15 @@
 
 BUILDROOT_VERSION = 2025.02.16
 BUILDROOT_COMMIT = 135af563b945b8c3d18f8fd370370075b9edb140
-BUILDROOT_URL = https://gitlab.com/buildroot.org/buildroot.git
+# The one after the other; the commit says what is right.
+BUILDROOT_URLS = https://gitlab.com/buildroot.org/buildroot.git https://github.com/buildroot/buildroot.git
 
 BOARD ?= cm4
 DL_DIR ?= build/sources
 BUILDROOT_PINNED = $(DL_DIR)/buildroot-$(BUILDROOT_VERSION)
 BUILDROOT_DIR ?= $(BUILDROOT_PINNED)
 IMAGE_OUT ?= build/image/$(BOARD)
+IMAGE_OUTS = $(IMAGE_OUT)
 IMAGE_VERSION = $(shell sed -n 's/^project.odid-daemon VERSION \([0-9.]*\).*/\1/p' \
 	$(DAEMON)/CMakeLists.txt)
 
@@ -47,8 +49,9 @@ buildroot = @{ $(BUILDROOT_MAKE) $(2) || echo failed; } 2>&1 | tee $(IMAGE_OUT)/
 		exit 1; \
 	fi
 
-# The bill of materials, CycloneDX. Needs a list of licences' names, which it keeps among the sources.
-sbom = @$(BUILDROOT_MAKE) -s show-info | env PYTHONHASHSEED=0 BR2_DL_DIR=$(abspath $(DL_DIR)) \
+# The bill of materials, CycloneDX; none without the list of licences' names, and the release says so.
+sbom = @rm -f $(IMAGE_OUT)/sbom.json; ! board/common/licence-names.sh $(DL_DIR) $(BUILDROOT_DIR) || \
+	$(BUILDROOT_MAKE) -s show-info | env PYTHONHASHSEED=0 BR2_DL_DIR=$(abspath $(DL_DIR)) \
 	$(BUILDROOT_DIR)/utils/generate-cyclonedx --project-name odid-$(BOARD) \
 	--project-version $(IMAGE_VERSION) -o $(IMAGE_OUT)/sbom.json
 
@@ -56,8 +59,9 @@ sbom = @$(BUILDROOT_MAKE) -s show-info | env PYTHONHASHSEED=0 BR2_DL_DIR=$(abspa
 changed-recipes = $(if $(wildcard $(IMAGE_OUT)/built),$(addsuffix -dirclean,$(filter-out odid-daemon,\
 	$(shell find br2-external/package/*/ -newer $(IMAGE_OUT)/built -type f | cut -d / -f 3 | sort -u))))
 
-.PHONY: image source legal reproducible test-image image-host
+.PHONY: image source legal reproducible buildroot test-image image-host
 image: $(IMAGE_OUT)/defconfig keys
+	@board/common/licence-names.sh $(DL_DIR) $(BUILDROOT_DIR) || echo 'image: going on without it' >&2
 	@touch $(IMAGE_OUT)/building
 	$(call buildroot,build,$(changed-recipes) odid-daemon-rebuild all)
 	@mv $(IMAGE_OUT)/building $(IMAGE_OUT)/built
@@ -68,7 +72,7 @@ image: $(IMAGE_OUT)/defconfig keys
 # Everything that building needs, for those who build without a network, or in ten years.
 source: $(IMAGE_OUT)/defconfig
 	$(call buildroot,source,source)
-	$(sbom)
+	@board/common/licence-names.sh $(DL_DIR) $(BUILDROOT_DIR)
 	@echo 'source: all is in $(DL_DIR)'
 
 # Licences and sources, as they have to be passed on with an image: docs/licences.md.
@@ -78,10 +82,15 @@ legal: $(IMAGE_OUT)/defconfig
 
 # What make image has made, against the same made from nothing in another folder.
 IMAGE_AGAIN = $(IMAGE_OUT)-made-once-more
+reproducible: IMAGE_OUTS = $(IMAGE_OUT) $(IMAGE_AGAIN)
 reproducible: image
 	@rm -rf $(IMAGE_AGAIN)
 	@$(MAKE) --no-print-directory image IMAGE_OUT=$(IMAGE_AGAIN)
 	@board/common/compare-images.sh $(IMAGE_OUT) $(IMAGE_AGAIN)
+
+# Anything else that Buildroot can, with all that the image is built with: GOALS=menuconfig.
+buildroot: $(IMAGE_OUT)/defconfig
+	@$(BUILDROOT_MAKE) $(or $(GOALS),$(error buildroot: which of Buildroot's goals? GOALS=menuconfig))
 
 # What is in the built images, and the Compute Module's booted as far as QEMU can.
 test-image: setup
@@ -97,18 +106,19 @@ $(IMAGE_OUT)/defconfig: configs/odid_$(BOARD)_defconfig $(IMAGE_CONFIG) | image-
 	@[ ! -e $(IMAGE_OUT)/built ] || { \
 		echo "$(BOARD): the configuration is new. What is built already stays as it was: Buildroot" && \
 		echo "$(BOARD): doesn't know what an option changes. To be sure: rm -r $(IMAGE_OUT)"; }
-	@sed -i 's,^BR2_DEFCONFIG=.*,BR2_DEFCONFIG="$(abspath $@)",' $(IMAGE_OUT)/.config
+	@sed -i -e 's,^BR2_DEFCONFIG=.*,BR2_DEFCONFIG="$(abspath $@)",' \
+		-e 's,^BR2_DL_DIR=.*,BR2_DL_DIR="$(abspath $(DL_DIR))",' $(IMAGE_OUT)/.config
 
 image-host:
 	@tests/setup/debian.sh $(IMAGE_PACKAGES)
-	@board/common/check-host.sh '$(BOARD)' '$(IMAGE_OUT)' '$(DL_DIR)'
+	@board/common/check-host.sh '$(BOARD)' '$(DL_DIR)' $(IMAGE_OUTS)
 
 $(BUILDROOT_PINNED)/Makefile: | image-host
-	@rm -rf $(@D).part
-	@git clone --quiet --depth 1 --branch $(BUILDROOT_VERSION) $(BUILDROOT_URL) $(@D).part || { \
-		echo "image: Buildroot $(BUILDROOT_VERSION) could not be fetched from $(BUILDROOT_URL)." >&2; \
-		echo "image: name one that is there: BUILDROOT_DIR=<dir>" >&2; exit 1; }
-	@if [ "$$(git -C $(@D).part rev-parse HEAD)" != $(BUILDROOT_COMMIT) ]; then \
-		echo "$(BUILDROOT_URL): tag $(BUILDROOT_VERSION) is not commit $(BUILDROOT_COMMIT)" >&2; exit 1; \
-	fi
-	@mv $(@D).part $(@D)
+	@for url in $(BUILDROOT_URLS); do \
+		rm -rf $(@D).part; \
+		git -c advice.detachedHead=false clone --quiet --depth 1 --branch $(BUILDROOT_VERSION) $$url $(@D).part || continue; \
+		[ "$$(git -C $(@D).part rev-parse HEAD)" != $(BUILDROOT_COMMIT) ] || exec mv $(@D).part $(@D); \
+		echo "$$url: tag $(BUILDROOT_VERSION) is not commit $(BUILDROOT_COMMIT)" >&2; \
+	done; \
+	echo "image: Buildroot $(BUILDROOT_VERSION) could not be fetched from any of: $(BUILDROOT_URLS)" >&2; \
+	echo "image: name one that is there: BUILDROOT_DIR=<dir>" >&2; exit 1

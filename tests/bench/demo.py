@@ -1,6 +1,6 @@
 """`make demo`: boots the appliance in an emulated machine and flies past an independent listener.
 
-  FLIGHT=<log>     the flight to play; default: the recorded one in TEST_DATA, else a generated one
+  FLIGHT=<log>     the flight to play; default: a generated one, a take-off and circles
   SECONDS=<n>      how long the listener listens (30)
   IMAGE=<disk>     the appliance's disk (build/appliance/disk.img)
 """
@@ -20,7 +20,7 @@ from host import demo as host_demo
 from host import program
 
 FOLDER = host_demo.FOLDER
-LEAD_S = 3.0  # positions flow before the judging begins
+LEAD_S = 1.0  # positions flow before the judging begins, and the aircraft hasn't taken off
 
 
 def boot(machine):
@@ -34,7 +34,7 @@ def boot(machine):
 
 
 def listen(machine, seconds, title):
-    """The judge's table, live, and its report. Returns its exit code, and odidctl's answer in flight."""
+    """The judge's table, live, and its main figures. Returns its exit code, and odidctl's answer in flight."""
     judge = machine.judge(seconds, *host_demo.JUDGED, "--played", machine.folder / "played.jsonl", "--title", title,
                           out=FOLDER, show=True)
     try:
@@ -50,11 +50,11 @@ def listen(machine, seconds, title):
 def conclude(code, status, figures):
     path = FOLDER / "figures.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | figures, indent=1) + "\n")
-    lines = [f"From init to the first message: Bluetooth {figures['boot_to_bt4_s']:.2f} s, Wi-Fi "
-             f"{figures['boot_to_wifi_s']:.2f} s; the kernel's own start before it: {figures['kernel_s']:.2f} s",
+    lines = ["", f"From init to the first message: Bluetooth {figures['boot_to_bt4_s']:.2f} s, Wi-Fi "
+                 f"{figures['boot_to_wifi_s']:.2f} s; the kernel's own start before it: {figures['kernel_s']:.2f} s",
              f"(on a quiet machine that is {KERNEL_S:g} s, and {limits.BOOT_S['bt4']:g} and {limits.BOOT_S['wifi']:g} s "
              "are allowed then: make test-all)"]
-    return host_demo.conclude(code, status, lines, ["machine/console.log"])
+    return host_demo.conclude(code, status, lines, {"machine/console.log": "the appliance's boot, line by line"})
 
 
 def main():
@@ -62,9 +62,7 @@ def main():
     reason = missing()
     if reason:
         sys.exit(f"demo: {reason}")
-    FOLDER.mkdir(parents=True, exist_ok=True)
-    for old in host_demo.RESULTS:
-        (FOLDER / old).unlink(missing_ok=True)
+    host_demo.clear()
     flight, sentence = host_demo.choose_flight(seconds)
     print(f"Booting the appliance, then playing {sentence} for {seconds:g} s.\n"
           "Real: the appliance's disk from boot loader to daemon, Linux, hostapd, the judge. Models: the\n"

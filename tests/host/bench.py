@@ -17,10 +17,10 @@ if __package__ is None:
     sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from host import measure, parts, program, runs, tlog
-from host.demo import RECORDED
 from host.flight import write_flight
 
 FOLDER = parts.ROOT / "build/bench"
+RECORDED = "arduplane-vtol-sitl.tlog"  # a flight of ArduPlane's simulator, with gaps
 POSITION_HZ = 5
 # T-L4 as published. The study's other scenarios aren't public in detail: their loads are ours, under
 # the study's names.

@@ -1,11 +1,12 @@
 """`make demo-host`: a flight through the real daemon, and what an independent listener heard of it.
 
-  FLIGHT=<log>     the flight to play; default: the recorded one in TEST_DATA, else a generated one
+  FLIGHT=<log>     the flight to play; default: a generated one, a take-off and circles
   SECONDS=<n>      how long the listener listens (30)
   LOSS=<model>     receptions that the listener drops
 """
 
 import os
+import re
 import subprocess
 import sys
 import time
@@ -19,13 +20,19 @@ from host import parts, program
 from host.flight import write_flight
 
 FOLDER = parts.ROOT / "build/demo"
-RECORDED = "arduplane-vtol-sitl.tlog"
+GENERATED_MORE_S = 600  # than is listened to: until all is on the air, on any machine
 LEAD_S = 2.0  # positions flow before the judging begins
 STATUS_BEFORE_END_S = 3
-RESULTS = ("report.txt", "report.png", "figures.json", "receptions.jsonl")
+RESULTS = {
+    "report.txt, report.png": "all that the listener measured, and when",
+    "receptions.jsonl": "each reception, to recompute it: python3 -m receiver --receptions (tests/receiver)",
+    "figures.json": "the figures, to compare one day with another",
+    "status.txt": "what odidctl status said in flight",
+}
+PLAIN = re.compile(r"\x1b\[[0-9;]*m")
 # What is transmitted, in every field. When it was heard is in the report beside its limits, and tells of the machine that
 # runs the demo as much as of the daemon.
-JUDGED = ("--expect", "bt4,bt5,wifi", "--without-time")
+JUDGED = ("--expect", "bt4,bt5,wifi", "--without-time", "--brief")
 
 
 def choose_flight(seconds):
@@ -35,12 +42,9 @@ def choose_flight(seconds):
         if not Path(named).is_file():
             sys.exit(f"demo: FLIGHT={named}: no such file")
         return Path(named), f"the flight {named}"
-    recorded = parts.test_data() / RECORDED
-    if recorded.is_file():
-        return recorded, f"a recorded flight of ArduPlane's simulator ({recorded.name})"
     generated = FOLDER / "flight.tlog"
-    write_flight(generated, seconds + 15)
-    return generated, f"a generated flight ({recorded} isn't there)"
+    write_flight(generated, seconds + GENERATED_MORE_S)
+    return generated, "a generated flight (a take-off and circles; FLIGHT=<.tlog> plays another one)"
 
 
 def wanted_seconds():
@@ -55,7 +59,7 @@ def wanted_seconds():
 
 
 def listen(bench, seconds, title):
-    """The judge's table, live, and its report. Returns the judge's exit code and odidctl's answer,
+    """The judge's table, live, and its main figures. Returns the judge's exit code and odidctl's answer,
     asked for in flight; it is shown later, because the table is drawn in place."""
     judge = bench.judge(seconds, *JUDGED, "--played", FOLDER / "played.jsonl", "--title", title, quiet=False, show=True)
     try:
@@ -69,21 +73,31 @@ def listen(bench, seconds, title):
             judge.wait()
 
 
-def conclude(code, status, lines=(), files=()):
-    """The demo's verdict is the judge's, and so is its exit status."""
-    print(f"\n--- odidctl status, {STATUS_BEFORE_END_S} s before the end, in flight ---")
-    print(status)
+def clear():
+    """No file of an earlier demo is taken for this one's."""
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    for old in ", ".join(RESULTS).split(", "):
+        (FOLDER / old).unlink(missing_ok=True)
+
+
+def conclude(code, status, lines=(), more=None):
+    """What odidctl said, lines, and where all of it is. The demo's verdict is the judge's, and so is its exit status."""
+    (FOLDER / "status.txt").write_text(status)
+    print("\nThe technician's view (odidctl status), in flight:")
+    print("\n".join(f"  {line}" for line in PLAIN.sub("", status).splitlines()[:2]))
     for line in lines:
         print(line)
-    print(f"In {FOLDER.relative_to(parts.ROOT)}: {', '.join([*RESULTS, *files])}\n{'FAIL' if code else 'PASS'}")
+    print(f"\nWhere to look next, in {FOLDER.relative_to(parts.ROOT)}:")
+    for files, what in {**RESULTS, **(more or {})}.items():
+        print(f"  {files:22} {what}")
+    print("And: make demo LOSS=0.5 (the edge of range), make bench (under load), make test, make help")
+    print("FAIL" if code else "PASS")
     return code
 
 
 def main():
     seconds = wanted_seconds()
-    FOLDER.mkdir(parents=True, exist_ok=True)
-    for old in RESULTS:
-        (FOLDER / old).unlink(missing_ok=True)
+    clear()
     flight, sentence = choose_flight(seconds)
     print(f"Playing {sentence} for {seconds:g} s at real speed.\n"
           "Real: odid-daemon, its H4 and hostapd-control sides, the judge. Models: the Bluetooth\n"

@@ -141,7 +141,7 @@ def test_programs_are_hardened(image):
             lost["relocations can be written"].append(image.name(path))
         if re.search(r"GNU_STACK .* RWE", text):
             lost["stack is executed"].append(image.name(path))
-        if re.search(r"\((RPATH|RUNPATH)\).*\[.+\]", text):
+        if re.search(r"\((RPATH|RUNPATH)\)", text):  # an empty one is what is left of the build folder: its length
             lost["has a search path"].append(image.name(path))
     assert lost == {}
 

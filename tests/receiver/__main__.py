@@ -20,7 +20,7 @@ from .flight_log import read_flight_log
 from .loss import Loss, parse_loss
 from .messages import TYPE_NAMES
 from .receptions import CHANNELS, InputError, Run, align_clocks, read_receptions, write_receptions
-from .report import report_text, write_figures
+from .report import brief_text, report_text, write_figures
 from .set_log import read_set_log
 from .sources import READY_S, Ear, follow_pcap, listen_monitor, read_btsnoop, read_pcap, scan_hci
 from .table import Screen
@@ -83,6 +83,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--loss-burst", type=float, metavar="MEAN", help="drop in bursts of this many on average")
     add("--seed", type=int, default=1, metavar="S")
     add("--quiet", action="store_true", help="no live table")
+    add("--brief", action="store_true", help="print the report's main figures only; the verdict is the exit status")
     return parser
 
 
@@ -229,7 +230,7 @@ def main(argv: list[str] | None = None) -> int:
         (arguments.out / "report.txt").write_text(text, encoding="utf-8")
         write_figures(judgement, arguments.out)
         write_plot(judgement, run, options, arguments.title, arguments.out / "report.png")
-    print(text, end="")
+    print(brief_text(judgement, run) if arguments.brief else text, end="")
     return 0 if judgement.verdict == "PASS" else 1
 
 

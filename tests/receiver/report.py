@@ -53,6 +53,27 @@ def report_text(judgement: Judgement, run: Run, options: Options, title: str) ->
     return "\n".join(lines) + "\n"
 
 
+def brief_text(judgement: Judgement, run: Run) -> str:
+    """What most people want to know; the report has the rest."""
+    lines = [f"{'':6}{'heard':>7}   {'a Location every':^22}   {'a newer one every':^22}   each other message",
+             f"{'':16}{'mean / p99 / max, s':^22}   {'mean / p99 / max, s':^22}   every (max, s)"]
+    figures = judgement.figures
+    for channel in CHANNELS:
+        count = max((figures.get(f"{channel}_{name}_reception_count") or 0 for name in TYPE_NAMES.values()), default=0)
+        if not count:
+            continue
+        blocks = [" / ".join("-" if figures.get(f"{channel}_location_{kind}_{column}_s") is None
+                             else f"{figures[f'{channel}_location_{kind}_{column}_s']:.2f}"
+                             for column in ("mean", "p99", "max")) for kind in ("reception", "content")]
+        others = [figures[name] for message in TYPE_NAMES.values() if message != "location"
+                  and figures.get(name := f"{channel}_{message}_reception_max_s") is not None]
+        lines.append(f"{channel:6}{figures.get(f'{channel}_location_reception_count', 0):7}   {blocks[0]:^22}   "
+                     f"{blocks[1]:^22}   " + (f"{max(others):.2f}" if others else "-"))
+    lines = lines if len(lines) > 2 else ["Nothing was heard."]
+    return "\n".join(lines + [f"limit{'':11}{limit_s('location'):^22g}   {limit_s('location'):^22g}   "
+                              f"{limit_s('basic_id'):g}", ""] + _violation_lines(judgement, run, 2)) + "\n"
+
+
 def _interval_table(judgement: Judgement) -> list[str]:
     head = f"{'channel':8}{'message':16}{'heard':>7}   {'reception interval (s)':^31}   {'content interval (s)':^31}"
     sub = f"{'':8}{'':16}{'':>7}   " + "   ".join("".join(f"{c:>7}" for c in _COLUMNS) + "   " for _ in range(2))
@@ -100,15 +121,15 @@ def _not_judged_lines(judgement: Judgement) -> list[str]:
             + (f"; beyond its limits was: {over}" if over else "; nothing was beyond its limits")]
 
 
-def _violation_lines(judgement: Judgement, run: Run) -> list[str]:
+def _violation_lines(judgement: Judgement, run: Run, listed: int = LISTED_OF_A_KIND) -> list[str]:
     findings = judgement.findings
     if not findings.total:
         return ["No violation."]
     lines = [f"{findings.total} violation{'s' if findings.total > 1 else ''}"]
     for kind in sorted(findings.counts):
         count = findings.counts[kind]
-        lines.append(f"  [{kind}] {count}" + (f", the first {LISTED_OF_A_KIND}:" if count > LISTED_OF_A_KIND else ""))
+        lines.append(f"  [{kind}] {count}" + (f", the first {listed}:" if count > listed else ""))
         lines += [f"    {_when(violation, run)}  {violation.channel or '-':5} {violation.what}; "
                   f"expected {violation.expected}, found {violation.found}"
-                  for violation in findings.violations if violation.kind == kind]
+                  for violation in findings.violations if violation.kind == kind][:listed]
     return lines

@@ -6,7 +6,9 @@
 
 HOSTAPD_ODID_VERSION = 2.10
 HOSTAPD_ODID_SOURCE = hostapd-$(HOSTAPD_ODID_VERSION).tar.gz
-HOSTAPD_ODID_SITE = http://w1.fi/releases
+HOSTAPD_ODID_SITE = https://w1.fi/releases
+# Its folder on Buildroot's own server, which is asked when w1.fi doesn't answer: that has it under this name.
+HOSTAPD_ODID_DL_SUBDIR = hostapd
 HOSTAPD_ODID_SUBDIR = hostapd
 HOSTAPD_ODID_LICENSE = BSD-3-Clause
 HOSTAPD_ODID_LICENSE_FILES = README
