@@ -30,6 +30,19 @@ def power_on_again(machine):
     return {channel: round(contents.first[channel] - started, 2) for channel in CHANNELS}
 
 
+def test_a_bluetooth_line_whose_driver_has_stopped_is_attached_again(make_machine):
+    """Which a kernel's N_HCI did at its switching off, for good (guest/hci-attach.c). Here it is the answers that stop,
+    in the middle of a set-up: to who attaches it that looks the same."""
+    machine = make_machine("stopped-line")
+    machine.power_on()
+    machine.wait_on_air()
+    machine.front.order("mute")
+    machine.must("rfkill block bluetooth")  # the daemon switches it on again
+    machine.wait_inside("another attachment", "dmesg | grep -q 'has stopped to send: attached again'")
+    machine.front.order("unmute")
+    machine.wait_on_air()
+
+
 def test_the_boot(make_machine):
     """From init to the first valid message, of an appliance that has booted before, as each flight does."""
     machine = make_machine("boot")
