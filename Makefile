@@ -55,6 +55,7 @@ help:
 	@echo 'make update     updates the appliance, well and badly'
 	@echo 'make power-cuts 300 power cuts in the middle of updates (an hour; SEED=, COUNT=, CONTROL=)'
 	@echo 'make faults-without  faults done to an appliance that lacks what is there against them'
+	@echo 'make smoke-without   the smoke of make test without what each of its tests proves: all have to fail'
 	@echo 'make soak       the appliance in flight for half an hour: nothing may go wrong or grow'
 	@echo 'make bench      measures the daemon beside the field study'\''s figures'
 	@echo 'make daemon     only builds the daemon: build/daemon'
@@ -243,12 +244,15 @@ level-without: appliance
 steady: setup
 	@COUNT='$(or $(COUNT),10)' STRESS='$(or $(STRESS),0)' $(RUN) tests/steady.py
 
-.PHONY: system faults-without
+.PHONY: system faults-without smoke-without
 system: appliance debian-tests
 	@$(RUN) -m pytest $(TESTS) -m '$(SYSTEM)' $(PYTEST)
 
 faults-without: appliance
 	@$(RUN) tests/bench/without.py
+
+smoke-without: appliance
+	@$(RUN) tests/smoke/without.py
 
 # Bundles, refusals, trials, roll-backs.
 .PHONY: update power-cuts

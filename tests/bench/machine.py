@@ -35,6 +35,7 @@ from . import disk as disks
 QEMU = "qemu-system-aarch64"
 KILLED = 128 + 9  # exit code of a command that timeout(1) had to kill
 NICENESS = -10
+NS_AN_INSTRUCTION_LOG2 = 1  # 500 million in a second of its own: about what an emulated processor does here
 # From the kernel's start to init's, at most, on two processors that nobody else wants: the release image's (0.44 s was
 # seen), Debian's (1.25 s). What comes then takes up to three times as long.
 KERNEL_S = 0.6 if os.environ.get("IMAGE") else 1.3
@@ -162,10 +163,14 @@ class Machine:
     config: the files of the CONFIG volume; default: an identity as a society's technician gives it.
     """
 
-    def __init__(self, folder, config=None, image=disks.IMAGE, memory_mib=384, processors=2):
+    def __init__(self, folder, config=None, image=disks.IMAGE, memory_mib=384, processors=2, own_time=False):
         self.folder = Path(folder)
         self.folder.mkdir(parents=True, exist_ok=True)
         self.memory_mib, self.processors = memory_mib, processors
+        # own_time: its clock goes on by what its processors do (and in their pauses by ours). What else this machine does
+        # makes it late to us, and not to itself: its watchdog, its trial's limits and its time-outs see nothing of it.
+        self.timing = ("-accel", "tcg,thread=single", "-icount", f"shift={NS_AN_INSTRUCTION_LOG2},sleep=on") if own_time else (
+            "-accel", "tcg,thread=multi")
         self.console, self.pcap = self.folder / "console.log", self.folder / "wifi.pcap"
         self.set_log = self.folder / "set.jsonl"
         for old in (*self.folder.glob("*.log"), *self.folder.glob("*.jsonl"), self.pcap):
@@ -206,7 +211,7 @@ class Machine:
     def _words(self, rtc, adapter, radios):
         words = [
             "setpriv", "--pdeathsig", "KILL",  # it would go on, and cost much, when we are killed
-            QEMU, "-M", "virt,gic-version=3", "-cpu", "cortex-a72", "-accel", "tcg,thread=multi", "-smp", self.processors,
+            QEMU, "-M", "virt,gic-version=3", "-cpu", "cortex-a72", *self.timing, "-smp", self.processors,
             "-m", self.memory_mib, "-nodefaults", "-display", "none", "-bios", disks.LOADER,
             "-chardev", f"file,id=console,path={self.console},append=on", "-serial", "chardev:console",
             "-qmp", f"unix:{self._sockets}/qmp,server=on,wait=off",

@@ -3,9 +3,9 @@
  *
  * And does it again when the driver has stopped to send. Linux 6.1.176 to 6.1.187, Debian's, cancel
  * at switching off (hci_uart_close) the work that sends, and leave the mark that it is under way
- * (HCI_UART_SENDING): from then on nothing is sent, and no command of the kernel's is ever answered.
- * An answer that comes right then is enough: 1 of 71 starts with Bluetooth blocked showed it.
- * Neither Linux 6.12.107 does that nor hci_serdev, which the board has. */
+ * (HCI_UART_SENDING): from then on nothing is sent, and no command of the kernel's is ever
+ * answered. An answer that comes right then is enough: 1 of 71 starts with Bluetooth blocked showed
+ * it. Neither Linux 6.12.107 does that nor hci_serdev, which the board has. */
 
 #include <fcntl.h>
 #include <stdbool.h>
