@@ -28,7 +28,7 @@ def watch(tmp_path):
 @pytest.mark.timed
 @pytest.mark.skipif(not realtime.granted(), reason="this machine grants no real-time priority")
 def test_a_machine_that_stands_still_is_noticed(watch):
-    patience.wait_for("the watch to look", lambda: "others" in watch.log.read_text())
+    patience.wait_for("the watch to look", lambda: watch.log.exists() and "others" in watch.log.read_text())
     begun = time.monotonic()
     os.kill(watch.process.pid, signal.SIGSTOP)
     time.sleep(0.5)

@@ -53,12 +53,11 @@ class Rootcanal:
         self.hci_port, link, link_ble, test = ports
         self._log = open(self.log_path, "wb")
         self.process = subprocess.Popen(
-            [program, f"-hci_port={self.hci_port}", f"-link_port={link}",
-             f"-link_ble_port={link_ble}", f"-test_port={test}"],
+            realtime.command([program, f"-hci_port={self.hci_port}", f"-link_port={link}",
+                              f"-link_ble_port={link_ble}", f"-test_port={test}"]),
             env={**os.environ, "LD_LIBRARY_PATH": str(program.parent)},
             cwd=self.log_path.parent, stdin=subprocess.DEVNULL, stdout=self._log,
             stderr=subprocess.STDOUT)
-        realtime.raise_process(self.process.pid)
         patience.wait_for(f"rootcanal on port {self.hci_port}; its log: {self.log_path}",
                           lambda: self.process.poll() is not None or all(map(is_listening, ports)), every_s=0.05)
         if self.process.poll() is None:

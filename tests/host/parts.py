@@ -45,12 +45,11 @@ class Part:
     def __init__(self, arguments, log_path, orders=False, raised=False, env=None):
         self.log_path = Path(log_path)
         self._log = open(log_path, "ab")
+        words = [str(word) for word in arguments]
         self.process = subprocess.Popen(
-            [str(word) for word in arguments], stdin=subprocess.PIPE if orders else subprocess.DEVNULL,
+            realtime.command(words) if raised else words, stdin=subprocess.PIPE if orders else subprocess.DEVNULL,
             stdout=subprocess.PIPE if orders else self._log, stderr=self._log,
             env=env or environment(), text=orders, cwd=ROOT)
-        if raised:
-            realtime.raise_process(self.process.pid)
 
     def order(self, line):
         """Gives an order to a part that answers each with a line."""
