@@ -17,7 +17,7 @@ from .ranges import check_ranges
 from .receptions import CHANNELS, Run
 from .set_log import SetPayload, check_set_log
 from .structure import check_structure
-from .tracks import Track
+from .tracks import Heard, Track
 
 ALL_FIVE = ("basic_id", "location", "system", "operator_id", "self_id")
 
@@ -84,16 +84,26 @@ def judge(run: Run, options: Options, log: FlightLog | None = None,
 def _listen(run: Run, findings: Findings, any_version: bool) -> list[Track]:
     """Sorts valid receptions into tracks; structure and ranges are checked on the way."""
     tracks: dict[tuple[str, str], Track] = {}
-    ranged: set[bytes] = set()  # a message is checked once, not at each repetition
+    # A payload, and a message in it, is checked once, not at each repetition; again if there was something to say.
+    ranged: set[bytes] = set()
+    sound: dict[tuple, Heard] = {}
     for reception in run.receptions:
         if reception.damaged:
             continue
         track = tracks.setdefault((reception.channel, reception.address),
                                   Track(reception.channel, reception.address))
-        heard = check_structure(reception, findings, any_version)
-        if heard is None:
-            continue
-        track.heard.append(heard)
+        shape = (reception.channel, reception.address, reception.payload, len(reception.raw), reception.phy,
+                 reception.event_type, reception.wifi_channel, reception.problem)
+        if known := sound.get(shape):
+            heard = known._replace(reception=reception)
+        else:
+            before = findings.total, len(findings.notes)
+            heard = check_structure(reception, findings, any_version)
+            if heard is None:
+                continue
+            if (findings.total, len(findings.notes)) == before:
+                sound[shape] = heard
+        track.add(heard)
         for message in heard.messages:
             if message.raw not in ranged:
                 ranged.add(message.raw)
@@ -113,8 +123,8 @@ def _check_presence(run: Run, tracks: list[Track], options: Options, findings: F
             findings.violation("expected.channel", None, f"{channel}: expected, and nothing readable was heard on it",
                                "receptions", "none", channel)
     for channel in CHANNELS:
-        types = {message.type_name for track in tracks if track.channel == channel
-                 for heard in track.heard for message in heard.messages}
+        types = {name for track in tracks if track.channel == channel for name in TYPE_NAMES.values()
+                 if track.of_type(name)}
         for name in options.expect_messages if types else ():
             if name not in types:
                 findings.violation("expected.message", None, f"{name}: expected, never heard", "receptions", "none",
@@ -178,13 +188,16 @@ def _judge_first_heard(tracks: list[Track], options: Options, findings: Findings
 
 def _interval_figures(tracks: list[Track], intervals: list[Interval]) -> dict:
     figures: dict = {}
+    sorted_out: dict[tuple[str, str, str], list[float]] = {}
+    for interval in intervals:
+        sorted_out.setdefault((interval.channel, interval.message, interval.kind), []).append(interval.seconds)
     for channel in CHANNELS:
         for name in TYPE_NAMES.values():
-            count = sum(1 for track in tracks if track.channel == channel for _ in track.of_type(name))
+            count = sum(len(track.of_type(name)) for track in tracks if track.channel == channel)
             if count:
                 figures[f"{channel}_{name}_reception_count"] = count
             for kind in ("reception", "content"):
-                seconds = [i.seconds for i in intervals if (i.channel, i.message, i.kind) == (channel, name, kind)]
+                seconds = sorted_out.get((channel, name, kind))
                 if not seconds:
                     continue
                 prefix = f"{channel}_{name}_{kind}"

@@ -15,7 +15,7 @@ import bisect
 import math
 import random
 import statistics
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from .messages import STATUS_SYSTEM_FAILURE, TYPE_NAMES
 from .receptions import Reception
@@ -27,7 +27,7 @@ STATUS_FAILURE_DUE_S = 3.5  # 3 s without a new position, and half a second of t
 RANDOM_STARTS = 2000
 
 
-@dataclass(frozen=True)
+@dataclass(slots=True)
 class Interval:
     channel: str
     message: str
@@ -77,7 +77,7 @@ def track_intervals(track: Track, end_mono: float, warmup_s: float, excuse) -> l
     newer = [heard.reception for heard, _ in track.newer_locations()]
     for interval in _between(track.channel, "location", "content", newer, end_mono, warmup_until):
         if interval.seconds > LOCATION_LIMIT_S:
-            interval = Interval(**{**vars(interval), "excused": excuse(track, interval)})
+            interval = replace(interval, excused=excuse(track, interval))
         found.append(interval)
     found += _between(track.channel, "system", "content", _changes(track, "system"), end_mono, warmup_until)
     return found

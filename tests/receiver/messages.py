@@ -11,6 +11,8 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import ClassVar
 
 MESSAGE_OCTETS = 25
 PACK_HEADER_OCTETS = 3
@@ -40,15 +42,12 @@ class MessageError(ValueError):
 
 @dataclass(frozen=True)
 class Message:
+    type_number: ClassVar[int]
+    type_name: ClassVar[str]
     raw: bytes = field(repr=False)
 
-    @property
-    def type_number(self) -> int:
-        return self.raw[0] >> 4
-
-    @property
-    def type_name(self) -> str:
-        return TYPE_NAMES[self.type_number]
+    def __init_subclass__(cls) -> None:
+        cls.type_name = TYPE_NAMES[cls.type_number]
 
     @property
     def version(self) -> int:
@@ -62,6 +61,7 @@ class Message:
 
 @dataclass(frozen=True)
 class BasicId(Message):
+    type_number = 0
     id_type: int
     ua_type: int
     uas_id: bytes  # 20 octets with their padding
@@ -80,6 +80,7 @@ class BasicId(Message):
 
 @dataclass(frozen=True)
 class Location(Message):
+    type_number = 1
     status: int
     height_above_ground: bool
     direction_deg: float | None
@@ -106,6 +107,7 @@ class Location(Message):
 
 @dataclass(frozen=True)
 class Authentication(Message):
+    type_number = 2
     auth_type: int
     page: int
     last_page: int | None  # page 0 only
@@ -120,6 +122,7 @@ class Authentication(Message):
 
 @dataclass(frozen=True)
 class SelfId(Message):
+    type_number = 3
     description_type: int
     description: bytes  # 23 octets with their padding
 
@@ -130,6 +133,7 @@ class SelfId(Message):
 
 @dataclass(frozen=True)
 class System(Message):
+    type_number = 4
     operator_location_type: int
     classification_type: int
     operator_latitude_deg: float | None
@@ -146,6 +150,7 @@ class System(Message):
 
 @dataclass(frozen=True)
 class OperatorId(Message):
+    type_number = 5
     operator_id_type: int
     operator_id: bytes  # 20 octets with their padding
 
@@ -239,10 +244,15 @@ def decode_message(raw: bytes) -> Message:
     """One message of exactly 25 octets."""
     if len(raw) != MESSAGE_OCTETS:
         raise MessageError(f"a message has {MESSAGE_OCTETS} octets, this one {len(raw)}")
+    return _decoded(bytes(raw))
+
+
+@lru_cache(maxsize=4096)  # a radio repeats each message tens of times
+def _decoded(raw: bytes) -> Message:
     decoder = _DECODERS.get(raw[0] >> 4)
     if decoder is None:
         raise MessageError(f"message type {raw[0] >> 4:#x} doesn't exist")
-    return decoder(bytes(raw))
+    return decoder(raw)
 
 
 def is_pack(body: bytes) -> bool:

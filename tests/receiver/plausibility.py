@@ -108,40 +108,70 @@ def _check_motion(newer, findings: Findings) -> None:
     """Over windows of 2 s and more: displacement against the integral of speed and course,
     climb against the integral of the vertical speed."""
     course, speed, climb = _Comparison(), _Comparison(), _Comparison()
-    end = 0
+    said, end = _Said(newer), 0
     for start in range(len(newer) - 1):
         end = max(end, start + 1)
         while end < len(newer) - 1 and _elapsed_s(newer[start], newer[end]) < WINDOW_S:
             end += 1
-        window = newer[start:end + 1]
-        if WINDOW_S <= _elapsed_s(window[0], window[-1]) < 2 * WINDOW_S:
-            _compare_course(window, course, speed)
-            _compare_climb(window, climb)
+        if WINDOW_S <= _elapsed_s(newer[start], newer[end]) < 2 * WINDOW_S:
+            _compare_course(newer, start, end, said, course, speed)
+            _compare_climb(newer, start, end, said, climb)
     course.report(findings, "plausibility.course", "track over ground and direction disagree")
     speed.report(findings, "plausibility.speed", "distance flown and speed disagree")
     climb.report(findings, "plausibility.climb", "altitude trend and vertical speed have opposite signs")
 
 
-def _steps(window):
-    for before, now in zip(window, window[1:]):
-        yield before[1], now[1], _elapsed_s(before, now)
+class _Said:
+    """What speed, direction and vertical speed say was flown from the first Location to each one (the trapezoidal rule),
+    and how many Locations before it don't say it, or not where they are: two of these give any window."""
 
+    def __init__(self, newer):
+        self.north_m, self.east_m, self.up_m = [0.0], [0.0], [0.0]
+        self.no_motion, self.no_climb, self.no_geodetic, self.no_height = [0], [0], [0], [0]
+        before = None
+        for heard_and_location in newer:
+            location = heard_and_location[1]
+            self._count(location)
+            if before is not None:
+                self._step(before[1], location, _elapsed_s(before, heard_and_location))
+            before = heard_and_location
 
-def _compare_course(window, course: _Comparison, speed: _Comparison) -> None:
-    locations = [location for _, location in window]
-    if any(None in (a.latitude_deg, a.speed_m_s, a.direction_deg) for a in locations):
-        return
-    north_m = east_m = 0.0
-    for before, now, elapsed_s in _steps(window):
+    def _count(self, location: Location) -> None:
+        for counts, unknown in (
+                (self.no_motion, None in (location.latitude_deg, location.speed_m_s, location.direction_deg)),
+                (self.no_climb, location.vertical_speed_m_s is None),
+                (self.no_geodetic, location.geodetic_altitude_m is None),
+                (self.no_height, location.height_m is None)):
+            counts.append(counts[-1] + unknown)
+
+    def _step(self, before: Location, now: Location, elapsed_s: float) -> None:
+        north = east = 0.0
         for location in (before, now):
-            direction = math.radians(location.direction_deg)
-            north_m += location.speed_m_s * math.cos(direction) * elapsed_s / 2
-            east_m += location.speed_m_s * math.sin(direction) * elapsed_s / 2
-    flown_north_m, flown_east_m = offset_m(locations[0], locations[-1])
+            if location.speed_m_s is not None and location.direction_deg is not None:
+                direction = math.radians(location.direction_deg)
+                north += location.speed_m_s * math.cos(direction) * elapsed_s / 2
+                east += location.speed_m_s * math.sin(direction) * elapsed_s / 2
+        climbs = before.vertical_speed_m_s, now.vertical_speed_m_s
+        up = sum(climbs) / 2 * elapsed_s if None not in climbs else 0.0
+        self.north_m.append(self.north_m[-1] + north)
+        self.east_m.append(self.east_m[-1] + east)
+        self.up_m.append(self.up_m[-1] + up)
+
+
+def _all_known(unknown: list[int], start: int, end: int) -> bool:
+    return unknown[end + 1] == unknown[start]
+
+
+def _compare_course(newer, start: int, end: int, all_said: _Said, course: _Comparison, speed: _Comparison) -> None:
+    if not _all_known(all_said.no_motion, start, end):
+        return
+    north_m = all_said.north_m[end] - all_said.north_m[start]
+    east_m = all_said.east_m[end] - all_said.east_m[start]
+    flown_north_m, flown_east_m = offset_m(newer[start][1], newer[end][1])
     said_m, flown_m = math.hypot(north_m, east_m), math.hypot(flown_north_m, flown_east_m)
     if max(said_m, flown_m) < MIN_WINDOW_DISTANCE_M:
         return
-    reception = window[-1][0].reception
+    reception = newer[end][0].reception
     speed.add(0.5 * said_m - 3 <= flown_m <= 2 * said_m + 3, reception, f"about {said_m:.0f} m by speed",
               f"{flown_m:.0f} m by position")
     if min(said_m, flown_m) >= MIN_WINDOW_DISTANCE_M:
@@ -150,20 +180,19 @@ def _compare_course(window, course: _Comparison, speed: _Comparison) -> None:
                    f"{math.degrees(said) % 360:.0f} deg by direction")
 
 
-def _compare_climb(window, climb: _Comparison) -> None:
-    locations = [location for _, location in window]
-    if any(location.vertical_speed_m_s is None for location in locations):
+def _compare_climb(newer, start: int, end: int, all_said: _Said, climb: _Comparison) -> None:
+    if not _all_known(all_said.no_climb, start, end):
         return
-    for altitudes in ([a.geodetic_altitude_m for a in locations], [a.height_m for a in locations]):
-        if None not in altitudes:
-            break
+    first, last = newer[start][1], newer[end][1]
+    if _all_known(all_said.no_geodetic, start, end):
+        climbed_m = last.geodetic_altitude_m - first.geodetic_altitude_m
+    elif _all_known(all_said.no_height, start, end):
+        climbed_m = last.height_m - first.height_m
     else:
         return
-    said_m = sum((before.vertical_speed_m_s + now.vertical_speed_m_s) / 2 * elapsed_s
-                 for before, now, elapsed_s in _steps(window))
-    climbed_m = altitudes[-1] - altitudes[0]
+    said_m = all_said.up_m[end] - all_said.up_m[start]
     if min(abs(said_m), abs(climbed_m)) >= MIN_WINDOW_CLIMB_M:
-        climb.add(said_m * climbed_m > 0, window[-1][0].reception, f"{climbed_m:+.1f} m by altitude",
+        climb.add(said_m * climbed_m > 0, newer[end][0].reception, f"{climbed_m:+.1f} m by altitude",
                   f"{said_m:+.1f} m by vertical speed")
 
 

@@ -39,20 +39,37 @@ class _Index:
         for fix in log.fixes:
             self.places.setdefault((fix.latitude_e7, fix.longitude_e7), []).append(fix)
         self.reach = range(-POSITION_TOLERANCE_E7, POSITION_TOLERANCE_E7 + 1)
+        # By what a Location says; each is said many times over. The fixes in the order in which they were played.
+        self.near: dict[tuple[int, int], list[Fix]] = {}
+        self.near_and_then: dict[tuple[int, int, float], list[Fix]] = {}
+
+    def _near(self, latitude_e7: int, longitude_e7: int) -> list[Fix]:
+        found = self.near.get((latitude_e7, longitude_e7))
+        if found is None:
+            found = [fix for north in self.reach for east in self.reach
+                     for fix in self.places.get((latitude_e7 + north, longitude_e7 + east), ())]
+            found.sort(key=lambda fix: fix.mono)
+            self.near[latitude_e7, longitude_e7] = found
+        return found
+
+    def _near_and_then(self, latitude_e7: int, longitude_e7: int, hour_s: float) -> list[Fix]:
+        found = self.near_and_then.get((latitude_e7, longitude_e7, hour_s))
+        if found is None:
+            found = self.near_and_then[latitude_e7, longitude_e7, hour_s] = [
+                fix for fix in self._near(latitude_e7, longitude_e7)
+                if fix.hour_s is not None and abs(hour_difference_s(hour_s, fix.hour_s)) <= TIME_TOLERANCE_S]
+        return found
 
     def at_place(self, latitude_e7: int, longitude_e7: int, heard_mono: float, hour_s: float | None) -> Fix | None:
-        candidates = [fix for north in self.reach for east in self.reach
-                      for fix in self.places.get((latitude_e7 + north, longitude_e7 + east), ())
-                      if fix.mono <= heard_mono + CLOCK_TOLERANCE_S]
-        if not candidates:
-            return None
+        until_mono = heard_mono + CLOCK_TOLERANCE_S
         if hour_s is not None:
-            timed = [fix for fix in candidates
-                     if fix.hour_s is not None and abs(hour_difference_s(hour_s, fix.hour_s)) <= TIME_TOLERANCE_S]
+            timed = [fix for fix in self._near_and_then(latitude_e7, longitude_e7, hour_s) if fix.mono <= until_mono]
             if timed:  # the same fix may have been played twice: then it was new the first time
                 return min(timed, key=lambda fix: (round(abs(hour_difference_s(hour_s, fix.hour_s)), 3), fix.mono))
-        in_order = [fix for fix in candidates if not fix.out_of_order] or candidates
-        return max(in_order, key=lambda fix: fix.mono)
+        near = self._near(latitude_e7, longitude_e7)
+        played = bisect.bisect_right(near, until_mono, key=lambda fix: fix.mono)
+        in_order = next((fix for fix in reversed(near[:played]) if not fix.out_of_order), None)
+        return in_order or (near[played - 1] if played else None)
 
     def at_time(self, heard_mono: float, hour_s: float | None) -> Fix | None:
         if hour_s is None:

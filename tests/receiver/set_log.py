@@ -8,6 +8,7 @@ the host's log says.
 
 from __future__ import annotations
 
+import bisect
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -52,13 +53,15 @@ def check_set_log(log: dict[str, list[SetPayload]], run: Run, findings: Findings
         times: dict[bytes, list[float]] = {}
         for reception in run.receptions:
             if reception.channel == channel and not reception.damaged:
-                times.setdefault(reception.raw, []).append(reception.mono)
+                bisect.insort(times.setdefault(reception.raw, []), reception.mono)
         counted = [row for row in rows if run.start_mono is not None
                    and run.start_mono <= row.mono <= run.end_mono - LAST_PART_S]
         heard = 0
         for row in counted:
             until = float("inf") if row.superseded_mono is None else row.superseded_mono + LATE_S
-            if any(row.mono - EARLY_S <= mono <= until for mono in times.get(row.data, ())):
+            heard_at = times.get(row.data, [])
+            first = bisect.bisect_left(heard_at, row.mono - EARLY_S)
+            if first < len(heard_at) and heard_at[first] <= until:
                 heard += 1
             elif judge:
                 kept = f"{until - LATE_S - row.mono:.3f} s" if row.superseded_mono else "to the end"

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from .messages import Location, Message
 from .receptions import Reception
 
 
-@dataclass(frozen=True)
-class Heard:
+class Heard(NamedTuple):
     """A reception that holds valid messages."""
     reception: Reception
     counter: int
@@ -23,13 +23,15 @@ class Track:
     channel: str
     address: str
     heard: list[Heard] = field(default_factory=list)
+    _of_type: dict[str, list[tuple[Heard, Message]]] = field(default_factory=dict)
 
-    def of_type(self, name: str):
-        """(heard, message) of one message type."""
-        for heard in self.heard:
-            for message in heard.messages:
-                if message.type_name == name:
-                    yield heard, message
+    def add(self, heard: Heard) -> None:
+        self.heard.append(heard)
+        for message in heard.messages:
+            self._of_type.setdefault(message.type_name, []).append((heard, message))
+
+    def of_type(self, name: str) -> list[tuple[Heard, Message]]:
+        return self._of_type.get(name, [])
 
     def newer_locations(self) -> list[tuple[Heard, Location]]:
         """The receptions that brought a newer Location than all before them."""
