@@ -77,22 +77,14 @@ class Pcap:
         self._file.flush()
 
 
-class Hostapd:
-    def __init__(self, folder, iface, pcap):
+class ControlInterface:
+    """What hostapd answers, and what is in its beacons by that. It has neither a socket nor a clock: the simulated world
+    (tests/simulated) has another of each."""
+
+    def __init__(self, iface):
         self.iface = iface
-        self.path = folder / iface
-        folder.mkdir(parents=True, exist_ok=True)
-        self.path.unlink(missing_ok=True)  # a killed one's
-        self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-        self.socket.bind(str(self.path))
-        os.chmod(self.path, 0o666)  # whatever user the daemon becomes
-        self.pcap = Pcap(pcap)
         self.given, self.active = b"", b""  # by SET; by UPDATE_BEACON
         self.fail, self.muted, self.enabled, self.delay_s = 0, False, True, 0.0
-        self.answers, self.number = [], itertools.count()  # due, number, text, address
-        self.orders = Orders(self.obey)
-
-    # --- the control interface ----------------------------------------------
 
     def status(self):
         state = "ENABLED" if self.enabled else "DISABLED"
@@ -128,6 +120,37 @@ class Hostapd:
                 return "OK\n"
         return "UNKNOWN COMMAND\n"
 
+    def obey(self, words):
+        match words:
+            case ["fail", count]:
+                self.fail = int(count)
+            case ["mute"] | ["unmute"]:
+                self.muted = words[0] == "mute"
+            case ["disabled"] | ["enabled"]:
+                self.enabled = words[0] == "enabled"
+            case ["delay", delay_ms]:
+                self.delay_s = float(delay_ms) / 1000
+            case ["forget"]:
+                self.given = self.active = b""
+            case _:
+                raise ValueError(f"unknown order {' '.join(words)!r}")
+
+
+class Hostapd(ControlInterface):
+    def __init__(self, folder, iface, pcap):
+        super().__init__(iface)
+        self.path = folder / iface
+        folder.mkdir(parents=True, exist_ok=True)
+        self.path.unlink(missing_ok=True)  # a killed one's
+        self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self.socket.bind(str(self.path))
+        os.chmod(self.path, 0o666)  # whatever user the daemon becomes
+        self.pcap = Pcap(pcap)
+        self.answers, self.number = [], itertools.count()  # due, number, text, address
+        self.orders = Orders(self.obey)
+
+    # --- requests and orders --------------------------------------------------
+
     def on_request(self):
         request, sender = self.socket.recvfrom(REQUEST_MAX)
         if self.muted or not sender:  # unbound: there is nowhere to answer to
@@ -143,23 +166,6 @@ class Hostapd:
                 self.socket.sendto(text.encode(), sender)
             except OSError as error:  # whoever asked has gone: hostapd goes on as well
                 print(f"no answer to {sender}: {error}", file=sys.stderr, flush=True)
-
-    # --- orders -------------------------------------------------------------
-
-    def obey(self, words):
-        match words:
-            case ["fail", count]:
-                self.fail = int(count)
-            case ["mute"] | ["unmute"]:
-                self.muted = words[0] == "mute"
-            case ["disabled"] | ["enabled"]:
-                self.enabled = words[0] == "enabled"
-            case ["delay", delay_ms]:
-                self.delay_s = float(delay_ms) / 1000
-            case ["forget"]:
-                self.given = self.active = b""
-            case _:
-                raise ValueError(f"unknown order {' '.join(words)!r}")
 
     def on_order(self):
         if not self.orders.take():

@@ -1,0 +1,153 @@
+"""Flights in the simulated world: what is on the air, and how soon it is there again. No machine is late here, so every
+limit is the daemon's own, in the thousandths of a second that the models leave it."""
+
+import hashlib
+
+import pytest
+from host import front
+from host.flight import write_flight
+
+from .flight import Flight
+from .world import START_US
+
+FLIGHT_S = 120
+AT_S, BACK_S = 30.0, 34.0  # a fault begins, and what it took away is back
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    path = tmp_path_factory.mktemp("simulated") / "flight.tlog"
+    write_flight(path, FLIGHT_S + 10)
+    return path
+
+
+@pytest.fixture
+def make_flight(tmp_path, log):
+    flights = []
+
+    def make(**options):
+        flights.append(Flight(tmp_path / f"flight-{len(flights)}", log, **options))
+        return flights[-1]
+    yield make
+    for one in flights:
+        one.end()
+
+
+def octets(flight):
+    heard = hashlib.sha256()
+    for one in flight.air.run().receptions:
+        heard.update(f"{one.mono:.6f} {one.channel} {one.address} {one.raw.hex()}\n".encode())
+    return heard.hexdigest()
+
+
+@pytest.mark.parametrize("mode", front.MODES)
+def test_everything_is_right_by_each_kind_of_chip(make_flight, mode):
+    """In every field, on every channel, and in time: the judge's whole set of rules."""
+    flight = make_flight(mode=mode)
+    flight.fly(FLIGHT_S)
+    judgement = flight.judged()
+    assert judgement.verdict == "PASS", judgement.findings.violations
+    figures = judgement.figures
+    slow = mode == "bcm43455"
+    assert figures["bt4_location_content_p99_s"] <= (0.40 if slow else 0.30)
+    assert figures["bt4_location_content_max_s"] <= (0.50 if slow else 0.40)
+    assert figures["wifi_location_content_max_s"] <= 0.40
+    assert figures["bt4_all_five_within_p99_s"] <= 1.1
+
+
+def test_the_same_seed_gives_the_same_octets(make_flight):
+    found = []
+    for seed in (7, 7, 8):
+        flight = make_flight(seed=seed)
+        flight.fly(20)
+        found.append(octets(flight))
+    assert found[0] == found[1] != found[2]
+
+
+# --- faults -----------------------------------------------------------------------------
+
+
+def foreign_disable(flight):
+    flight.at(AT_S, flight.controller.command, 0x2039, bytes(2))
+    return AT_S
+
+
+def foreign_reset(flight):
+    flight.at(AT_S, flight.controller.command, 0x0C03, b"")
+    return AT_S
+
+
+def controller_unplugged(flight):
+    def plug_in():
+        flight.controller.reset()
+        flight.controller.device.plug_in()
+    flight.at(AT_S, flight.controller.device.unplug)
+    flight.at(BACK_S, plug_in)
+    return BACK_S
+
+
+def controller_hangs(flight):
+    flight.at(AT_S, setattr, flight.controller, "hangs", True)
+    flight.at(BACK_S, setattr, flight.controller, "hangs", False)
+    return BACK_S
+
+
+def hostapd_killed(flight):
+    flight.at(AT_S, flight.hostapd.kill)
+    flight.at(BACK_S, flight.hostapd.start)
+    return BACK_S
+
+
+def hostapd_mute(flight):
+    flight.at(AT_S, flight.hostapd.order, "mute")
+    flight.at(BACK_S, flight.hostapd.order, "unmute")
+    return BACK_S
+
+
+def hostapd_forgets(flight):
+    flight.at(AT_S, flight.hostapd.order, "forget")
+    return AT_S
+
+
+def autopilot_unplugged(flight):
+    flight.at(AT_S, flight.autopilot.device.unplug)
+    flight.at(BACK_S, flight.autopilot.device.plug_in)
+    return BACK_S
+
+
+# What each may cost after it is over, in seconds without a newer position on any channel.
+LIMITS_S = {foreign_disable: 0.45, foreign_reset: 0.45, controller_unplugged: 1.5, controller_hangs: 2.5,
+            hostapd_killed: 1.5, hostapd_mute: 1.5, hostapd_forgets: 0.45, autopilot_unplugged: 1.6}
+
+
+def longest_wait_s(flight, since_s):
+    """For a newer position, on the channel where it was longest."""
+    since = START_US / 1e6 + since_s
+    waits = {}
+    for track in flight.judged().tracks:
+        news = [since, *(heard.reception.mono for heard, _ in track.newer_locations() if heard.reception.mono > since)]
+        news.append(START_US / 1e6 + FLIGHT_S)
+        waits[track.channel] = max(later - earlier for earlier, later in zip(news, news[1:]))
+    return waits
+
+
+@pytest.mark.parametrize("fault", LIMITS_S, ids=lambda fault: fault.__name__)
+@pytest.mark.parametrize("seed", range(1, 6))
+def test_it_is_on_the_air_again(make_flight, fault, seed):
+    flight = make_flight(seed=seed)
+    back_s = fault(flight)
+    flight.fly(FLIGHT_S)
+    waits = longest_wait_s(flight, back_s)
+    assert set(waits) == set(flight.channels)
+    assert max(waits.values()) <= LIMITS_S[fault], waits
+
+
+def test_a_silent_autopilot_is_a_failure_that_is_said(make_flight):
+    """From 3 s after its last heartbeat on, on every channel; and never before."""
+    flight = make_flight()
+    flight.at(AT_S + 0.5, setattr, flight.autopilot, "silent", True)
+    flight.fly(AT_S + 10)
+    for track in flight.judged().tracks:
+        failed = [heard.reception.mono - START_US / 1e6 for heard, location in track.of_type("location")
+                  if location.status == 4 and heard.reception.mono > START_US / 1e6 + 10]
+        assert AT_S + 3.0 <= min(failed) < AT_S + 3.5, track.channel
