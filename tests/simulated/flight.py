@@ -16,9 +16,9 @@ WARM_UP_S = 5.0  # until all is on the air, and a position has come
 
 
 class Flight:
-    def __init__(self, folder, flight, seed=1, mode="full", loss=0.0):
+    def __init__(self, folder, flight, seed=1, mode="full", loss=0.0, late=(0.0, 0)):
         self.folder = folder
-        self.world = World(folder, seed)
+        self.world = World(folder, seed, late)
         self.air = Air(self.world, loss)
         self.controller = Controller(self.world, self.air, BLUETOOTH, mode)
         self.hostapd = Hostapd(self.world, self.air, self.world.root / "hostapd")

@@ -55,6 +55,16 @@ def test_everything_is_right_by_each_kind_of_chip(make_flight, mode):
     assert figures["bt4_all_five_within_p99_s"] <= 1.1
 
 
+@pytest.mark.parametrize("seed", range(1, 6))
+def test_a_machine_that_is_late_loses_no_message(make_flight, seed):
+    """Three of ten times, by up to 150 ms, which is more than a slot: every limit of the rules is kept, and no payload is
+    replaced before it was sent."""
+    flight = make_flight(seed=seed, late=(0.3, 150_000))
+    flight.fly(FLIGHT_S)
+    judgement = flight.judged()
+    assert judgement.verdict == "PASS", judgement.findings.violations
+
+
 def test_the_same_seed_gives_the_same_octets(make_flight):
     found = []
     for seed in (7, 7, 8):

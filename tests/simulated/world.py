@@ -70,9 +70,12 @@ class Program:
 
 
 class World:
-    """folder: everything that is left of it. Models say what is to happen (`at`, `after`), and what they listen to."""
+    """folder: everything that is left of it. Models say what is to happen (`at`, `after`), and what they listen to.
 
-    def __init__(self, folder, seed):
+    late: (share, most in microseconds): of so many of its wake-ups the program is told late, as by a machine that had other
+    work."""
+
+    def __init__(self, folder, seed, late=(0.0, 0)):
         build_library()
         self.folder, self.seed, self.now_us = folder, seed, START_US
         shutil.rmtree(folder, ignore_errors=True)
@@ -80,7 +83,7 @@ class World:
         # What the program sees instead of this machine's. A UNIX socket's path has 107 octets at most.
         self.root = Path(tempfile.mkdtemp(prefix="odid-"))
         (self.root / "dev").mkdir()
-        self.chance = random.Random(seed)
+        self.chance, self.late = random.Random(seed), late
         boot_id = self.root / "proc/sys/kernel/random/boot_id"
         boot_id.parent.mkdir(parents=True)
         boot_id.write_text(BOOT_ID.format(self.chance.getrandbits(48)))
@@ -152,10 +155,24 @@ class World:
                     self.now_us = max(self.now_us, self._deadline_us)
                     break
                 self.now_us = max(self.now_us, next_us)
-                _, _, call, arguments = heapq.heappop(self._events)
-                call(*arguments)
+                self._next_event()
+            self._be_late(until_us)
             self.program.wake()
             self._deadline_us = None
+
+    def _next_event(self):
+        _, _, call, arguments = heapq.heappop(self._events)
+        call(*arguments)
+
+    def _be_late(self, until_us):
+        share, most_us = self.late
+        if not share or self.chance.random() >= share:
+            return
+        until_us = min(until_us, self.now_us + self.chance.randint(0, most_us))
+        while self._events and self._events[0][0] <= until_us:
+            self.now_us = max(self.now_us, self._events[0][0])
+            self._next_event()
+        self.now_us = max(self.now_us, until_us)
 
     def end(self):
         if self.program:

@@ -184,19 +184,31 @@ void bluetooth_start(const struct config *config, struct radio *bt4, struct radi
     }
 }
 
+/* Whose set that is; NULL: nobody's. */
+static struct bluetooth_adapter *adapter_with(enum bluetooth_set which)
+{
+    for (unsigned i = 0; i < self.count; i++) {
+        if (self.adapters[i].sets[which].radio != NULL) {
+            return &self.adapters[i];
+        }
+    }
+    return NULL;
+}
+
 static void set_payload(enum bluetooth_set which, const uint8_t *data, size_t length,
                         int64_t now_us)
 {
-    for (unsigned i = 0; i < self.count; i++) {
-        struct bluetooth_advertising *set = &self.adapters[i].sets[which];
+    struct bluetooth_adapter *adapter = adapter_with(which);
+    struct bluetooth_advertising *set;
 
-        if (set->radio != NULL && length <= sizeof(set->payload)) {
-            memcpy(set->payload, data, length);
-            set->length = length;
-            set->pending = true;
-            bluetooth_advance(&self.adapters[i], now_us);
-        }
+    if (adapter == NULL || length > sizeof(set->payload)) {
+        return;
     }
+    set = &adapter->sets[which];
+    memcpy(set->payload, data, length);
+    set->length = length;
+    set->pending = true;
+    bluetooth_advance(adapter, now_us);
 }
 
 void bluetooth_set_legacy(const uint8_t data[MESSAGES_LEGACY_SIZE], int64_t now_us)
@@ -207,6 +219,14 @@ void bluetooth_set_legacy(const uint8_t data[MESSAGES_LEGACY_SIZE], int64_t now_
 void bluetooth_set_extended(const uint8_t *data, size_t length, int64_t now_us)
 {
     set_payload(BLUETOOTH_LONG_RANGE, data, length, now_us);
+}
+
+bool bluetooth_waits(enum channel channel)
+{
+    enum bluetooth_set which = channel == CHANNEL_BT4 ? BLUETOOTH_LEGACY : BLUETOOTH_LONG_RANGE;
+    const struct bluetooth_adapter *adapter = adapter_with(which);
+
+    return adapter != NULL && adapter->sets[which].pending;
 }
 
 void bluetooth_stop(void)

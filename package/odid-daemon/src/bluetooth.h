@@ -12,6 +12,7 @@
 #ifndef ODID_BLUETOOTH_H
 #define ODID_BLUETOOTH_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -26,6 +27,10 @@ void bluetooth_start(const struct config *config, struct radio *bt4, struct radi
 /* What to advertise from now on; the newest wins. Set even while not on air: it goes first then. */
 void bluetooth_set_legacy(const uint8_t data[MESSAGES_LEGACY_SIZE], int64_t now_us);
 void bluetooth_set_extended(const uint8_t *data, size_t length, int64_t now_us);
+
+/* Whether what was set last for CHANNEL_BT4 or CHANNEL_BT5 still waits for the controller: what is
+ * set now takes its place, and it was never on the air. */
+bool bluetooth_waits(enum channel channel);
 
 /* Silence on all sets, synchronously as far as the transports take it: for the orderly end. */
 void bluetooth_stop(void);

@@ -40,6 +40,8 @@ enum message_type {
  * One counter a message type for legacy advertising, and one a channel for the
  * pack; each steps when the content changes and wraps from 255 to 0. Two Basic
  * IDs share a counter; all pages of one Authentication message carry the same.
+ * What was built and never went out leaves no gap in it: the next one is built
+ * from a copy of the counter as it was before.
  */
 struct messages_counter {
     uint8_t value;

@@ -55,8 +55,8 @@ static struct {
     struct aircraft *aircraft;
     struct radio radios[CHANNELS];
     struct schedule schedule;
-    struct messages_counters counters;
-    struct messages_counter extended_counter, beacon_counter;
+    struct messages_counters counters, counters_before; /* the last payload */
+    struct messages_counter extended_counter, extended_before, beacon_counter;
     struct pilot pilot;
     struct status_lateness lateness;
     struct kept kept; /* as it is in its file */
@@ -106,9 +106,24 @@ static void send_packs(const struct aircraft_view *view, bool location_slot, int
     }
     /* Long range advertises every 200 ms: a pack stays set for longer than that. */
     if (config()->bt5_enabled && location_slot) {
+        if (bluetooth_waits(CHANNEL_BT5)) {
+            self.extended_counter = self.extended_before;
+        }
+        self.extended_before = self.extended_counter;
         size = messages_extended(&self.extended_counter, pack, pack_size, data);
         bluetooth_set_extended(data, size, now_us);
     }
+}
+
+/* What waits for a controller that is late, or came late to it, was not on the air: its message has
+ * its turn again, and its counter doesn't step for it. */
+static void take_back_what_waits(void)
+{
+    if (config()->bt4_enabled && bluetooth_waits(CHANNEL_BT4)) {
+        schedule_withdraw(&self.schedule);
+        self.counters = self.counters_before;
+    }
+    self.counters_before = self.counters;
 }
 
 static void on_slot(void *context, int64_t now_us)
@@ -120,6 +135,7 @@ static void on_slot(void *context, int64_t now_us)
     bool location_slot = self.schedule.slot % 2 == 0;
 
     (void)context;
+    take_back_what_waits();
     aircraft_view(self.aircraft, now_us, &view);
     for (enum message_type type = 0; type < MESSAGE_TYPES; type++) {
         available[type] = messages_available(&view, type);

@@ -4,6 +4,7 @@ void schedule_start(struct schedule *schedule, int64_t now_us)
 {
     schedule->origin_us = now_us;
     schedule->slot = 0;
+    schedule->served = 0;
 }
 
 int64_t schedule_deadline(const struct schedule *schedule)
@@ -20,11 +21,11 @@ static enum message_type last_slot(const unsigned available[MESSAGE_TYPES], int6
                                                               : MESSAGE_SELF_ID;
 }
 
-static enum message_type slot_type(int64_t slot, const unsigned available[MESSAGE_TYPES])
+static enum message_type slot_type(int64_t served, const unsigned available[MESSAGE_TYPES])
 {
     enum message_type type;
 
-    switch (slot % SCHEDULE_SLOTS) {
+    switch (served % SCHEDULE_SLOTS) {
     case 1:
         type = MESSAGE_BASIC_ID;
         break;
@@ -35,7 +36,7 @@ static enum message_type slot_type(int64_t slot, const unsigned available[MESSAG
         type = MESSAGE_OPERATOR_ID;
         break;
     case 7:
-        type = last_slot(available, slot / SCHEDULE_SLOTS);
+        type = last_slot(available, served / SCHEDULE_SLOTS);
         break;
     default:
         type = MESSAGE_LOCATION;
@@ -62,9 +63,17 @@ struct schedule_entry schedule_next(struct schedule *schedule, int64_t now_us,
     entry.skipped = behind_us > 0 ? (unsigned)(behind_us / SCHEDULE_SLOT_US) : 0;
     schedule->slot += entry.skipped;
     entry.late_us = behind_us > 0 ? behind_us : 0;
-    entry.type = slot_type(schedule->slot, available);
-    entry.index = turn(entry.type, schedule->slot / SCHEDULE_SLOTS, available);
+    entry.type = slot_type(schedule->served, available);
+    entry.index = turn(entry.type, schedule->served / SCHEDULE_SLOTS, available);
     schedule->slot++;
+    schedule->served++;
     entry.until_us = schedule_deadline(schedule);
     return entry;
+}
+
+void schedule_withdraw(struct schedule *schedule)
+{
+    if (schedule->served > 0) {
+        schedule->served--;
+    }
 }

@@ -10,6 +10,10 @@
  * longer than the advertising interval + 10 ms, or it may never be sent. A
  * message that does not exist gives its slot to Location. Two Basic IDs take
  * turns in their slot; Authentication pages take turns with Self ID.
+ *
+ * The grid says when, the slots that were served say what: a slot that passed
+ * unused takes no message with it, so none waits for more than eight slots that
+ * were served, however late the machine is.
  */
 #ifndef ODID_SCHEDULE_H
 #define ODID_SCHEDULE_H
@@ -24,6 +28,7 @@
 struct schedule {
     int64_t origin_us; /* start of slot 0 */
     int64_t slot;      /* number of the next slot since origin */
+    int64_t served;    /* how many were: the place in the cycle */
 };
 
 struct schedule_entry {
@@ -46,5 +51,8 @@ int64_t schedule_deadline(const struct schedule *schedule);
  */
 struct schedule_entry schedule_next(struct schedule *schedule, int64_t now_us,
                                     const unsigned available[MESSAGE_TYPES]);
+
+/* The last slot's message never went out: the next slot is for the same one. */
+void schedule_withdraw(struct schedule *schedule);
 
 #endif

@@ -176,15 +176,12 @@ static void whole_slots_that_passed_are_skipped_and_never_made_up_for(void **sta
     (void)state;
     for (unsigned skipped = 1; skipped < 100; skipped++) {
         int64_t now = START + skipped * SCHEDULE_SLOT_US + 3 * MS;
-        static const enum message_type cycle[] = {
-            MESSAGE_LOCATION, MESSAGE_BASIC_ID,    MESSAGE_LOCATION, MESSAGE_SYSTEM,
-            MESSAGE_LOCATION, MESSAGE_OPERATOR_ID, MESSAGE_LOCATION, MESSAGE_SELF_ID};
         struct schedule_entry entry;
 
         setup(NULL);
         entry = schedule_next(&schedule, now, available);
         assert_int_equal(entry.skipped, skipped);
-        assert_int_equal(entry.type, cycle[skipped % 8]);
+        assert_int_equal(entry.type, MESSAGE_LOCATION); /* its turn still */
         assert_true(entry.late_us == skipped * SCHEDULE_SLOT_US + 3 * MS);
         assert_true(entry.until_us == START + (skipped + 1) * SCHEDULE_SLOT_US);
         assert_true(entry.until_us > now);
@@ -200,6 +197,46 @@ static void a_standstill_of_days_is_followed_by_one_slot(void **state)
     entry = schedule_next(&schedule, now, available);
     assert_true(entry.until_us > now && entry.until_us <= now + SCHEDULE_SLOT_US);
     assert_true(schedule_deadline(&schedule) == entry.until_us);
+}
+
+/* Whatever pattern: of each message the limits hold (3 s; Location 1 s), as long as every second
+ * slot is served. */
+static void half_of_all_slots_lost_breaks_no_limit(void **state)
+{
+    unsigned seed = 7;
+
+    (void)state;
+    for (unsigned run = 0; run < 200; run++) {
+        int64_t heard_us[MESSAGE_TYPES] = {0};
+
+        setup(NULL);
+        for (unsigned served = 0; served < 1000; served++) {
+            unsigned lost = run == 0 ? 1 : (seed = seed * 1103515245U + 12345U) >> 16 & 1;
+            int64_t now_us = schedule_deadline(&schedule) + lost * SCHEDULE_SLOT_US;
+            struct schedule_entry entry = schedule_next(&schedule, now_us, available);
+            int64_t limit_us = entry.type == MESSAGE_LOCATION ? SECOND : 3 * SECOND;
+
+            assert_true(served < 8 || now_us - heard_us[entry.type] < limit_us);
+            heard_us[entry.type] = now_us;
+        }
+    }
+}
+
+static void what_is_withdrawn_has_its_turn_again(void **state)
+{
+    static const enum message_type cycle[] = {
+        MESSAGE_LOCATION, MESSAGE_BASIC_ID,    MESSAGE_LOCATION, MESSAGE_SYSTEM,
+        MESSAGE_LOCATION, MESSAGE_OPERATOR_ID, MESSAGE_LOCATION, MESSAGE_SELF_ID};
+
+    (void)state;
+    schedule_withdraw(&schedule); /* nothing was given yet */
+    for (unsigned i = 0; i < 4 * SCHEDULE_SLOTS; i++) {
+        assert_int_equal(next().type, cycle[i % SCHEDULE_SLOTS]);
+        for (unsigned again = 0; again < i % 3; again++) {
+            schedule_withdraw(&schedule);
+            assert_int_equal(next().type, cycle[i % SCHEDULE_SLOTS]);
+        }
+    }
 }
 
 /* As the loop does it: wakes at or after the deadline, for an hour. */
@@ -280,6 +317,8 @@ int main(void)
         cmocka_unit_test_setup(a_late_slot_ends_on_the_grid, setup),
         cmocka_unit_test_setup(whole_slots_that_passed_are_skipped_and_never_made_up_for, setup),
         cmocka_unit_test_setup(a_standstill_of_days_is_followed_by_one_slot, setup),
+        cmocka_unit_test_setup(half_of_all_slots_lost_breaks_no_limit, setup),
+        cmocka_unit_test_setup(what_is_withdrawn_has_its_turn_again, setup),
         cmocka_unit_test_setup(an_hour_with_lateness_up_to_40_ms_misses_no_rate, setup),
         cmocka_unit_test_setup(on_time_every_payload_stays_for_its_whole_slot, setup),
         cmocka_unit_test_setup(coming_early_shifts_nothing, setup),
