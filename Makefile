@@ -51,6 +51,7 @@ help:
 	@echo 'make test       the gate: every part, and an appliance booted, updated and flown; minutes'
 	@echo 'make test-all   everything, real time included, with the benchmark and a short soak (two hours)'
 	@echo 'make steady     runs make test again and again: COUNT=10, STRESS=4 (busy processes beside it)'
+	@echo 'make simulate   flights through random faults in simulated time: SEEDS=1-20 MINUTES=10'
 	@echo 'make system     only the tests that boot the appliance and do it harm'
 	@echo 'make update     updates the appliance, well and badly'
 	@echo 'make power-cuts 300 power cuts in the middle of updates (an hour; SEED=, COUNT=, CONTROL=)'
@@ -243,6 +244,11 @@ level-without: appliance
 .PHONY: steady
 steady: setup
 	@COUNT='$(or $(COUNT),10)' STRESS='$(or $(STRESS),0)' $(RUN) tests/steady.py
+
+# Random faults, by seed: tests/simulated.
+.PHONY: simulate
+simulate: daemon
+	@SEEDS='$(SEEDS)' MINUTES='$(MINUTES)' $(RUN) tests/simulated/random_flights.py
 
 .PHONY: system faults-without smoke-without
 system: appliance debian-tests

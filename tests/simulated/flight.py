@@ -8,6 +8,7 @@ from receiver.set_log import SetPayload
 from .air import Air
 from .autopilot import Autopilot
 from .controller import Controller
+from .faults import Window
 from .hostapd import Hostapd
 from .world import START_US, World
 
@@ -24,6 +25,7 @@ class Flight:
         self.hostapd = Hostapd(self.world, self.air, self.world.root / "hostapd")
         self.autopilot = Autopilot(self.world, SERIAL, flight, folder / "played.jsonl")
         self.channels = ("bt4", "bt5", "wifi") if mode == "full" else ("bt4", "wifi")
+        self.windows = []  # what was done to it
         self.world.start([parts.DAEMON, "-config", self._write_config()], folder / "daemon.log")
 
     def _write_config(self):
@@ -40,6 +42,14 @@ class Flight:
     def at(self, second, call, *arguments):
         """Of the flight."""
         self.world.at(START_US + round(second * 1e6), call, *arguments)
+
+    def harm(self, fault, at_s, seconds=0.0):
+        """Does a fault, for so long where it is one that lasts."""
+        back_s = at_s + (seconds if fault.end else 0.0)
+        self.at(at_s, fault.begin, self)
+        if fault.end:
+            self.at(back_s, fault.end, self)
+        self.windows += [Window(channel, at_s, back_s, fault.limit_s) for channel in fault.channels]
 
     def fly(self, until_s):
         """To that second of the flight."""

@@ -56,7 +56,7 @@ static struct {
     struct radio radios[CHANNELS];
     struct schedule schedule;
     struct messages_counters counters, counters_before; /* the last payload */
-    struct messages_counter extended_counter, extended_before, beacon_counter;
+    struct messages_counter extended_counter, extended_before, beacon_counter, beacon_before;
     struct pilot pilot;
     struct status_lateness lateness;
     struct kept kept; /* as it is in its file */
@@ -101,6 +101,10 @@ static void send_packs(const struct aircraft_view *view, bool location_slot, int
     size_t pack_size = messages_pack(view, pack), size;
 
     if (config()->wifi_beacon_enabled) {
+        if (wifi_beacon_waits()) {
+            self.beacon_counter = self.beacon_before;
+        }
+        self.beacon_before = self.beacon_counter;
         size = messages_element(&self.beacon_counter, pack, pack_size, data);
         wifi_beacon_set(data, size, now_us);
     }

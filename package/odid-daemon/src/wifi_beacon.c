@@ -255,6 +255,11 @@ void wifi_beacon_set(const uint8_t *element, size_t length, int64_t now_us)
     advance(now_us);
 }
 
+bool wifi_beacon_waits(void)
+{
+    return self.pending;
+}
+
 void wifi_beacon_stop(void)
 {
     hostapd_control_tell(&self.control, "SET vendor_elements ");

@@ -6,6 +6,7 @@
 #ifndef ODID_WIFI_BEACON_H
 #define ODID_WIFI_BEACON_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -17,6 +18,10 @@ void wifi_beacon_start(const struct config *config, struct radio *radio, int64_t
 
 /* The vendor element to be in every beacon from now on; the newest one wins. */
 void wifi_beacon_set(const uint8_t *element, size_t length, int64_t now_us);
+
+/* Whether what was set last still waits for hostapd: what is set now takes its place, and it was
+ * never in a beacon. */
+bool wifi_beacon_waits(void);
 
 /* Takes the element out of the beacons, as far as hostapd listens: for the orderly end. A beacon
  * would go on telling where the aircraft was. */

@@ -226,11 +226,13 @@ static void what_was_overtaken_is_not_sent(void **state)
     set_extended(12);
     run_ms(50);
     assert_int_equal(fake.count, n + 1); /* one command at a time */
+    assert_true(bluetooth_waits(CHANNEL_BT4) && bluetooth_waits(CHANNEL_BT5));
     for (int i = 0; i < 3; i++) {
         fake_release(&fake);
         run_ms(i == 1 ? 220 : 50); /* what is set stays for as long as it takes to be sent */
     }
     assert_int_equal(fake.count, n + 3);
+    assert_false(bluetooth_waits(CHANNEL_BT4) || bluetooth_waits(CHANNEL_BT5));
     assert_int_equal(fake.commands[n].parameters[4 + 5], 10);
     assert_int_equal(fake.commands[n + 1].parameters[0], 0); /* the legacy set */
     assert_int_equal(fake.commands[n + 1].parameters[4 + 5], 21);

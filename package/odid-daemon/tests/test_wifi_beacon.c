@@ -157,8 +157,11 @@ static void a_hostapd_that_hangs_is_lost_and_asked_again(void **state)
     set(50);
     assert_true(loop_until(it_is_lost, 1500));
     assert_non_null(strstr(radio.detail, "doesn't answer"));
+    set(51);
+    assert_true(wifi_beacon_waits());
     fake.hangs = false;
     assert_true(loop_until(it_is_in_the_beacon, 1500));
+    assert_false(wifi_beacon_waits());
 }
 
 static void a_disabled_interface_is_down_and_gets_the_element_again(void **state)

@@ -1,0 +1,100 @@
+"""`make simulate`: flights through random mixes of faults. The laws hold in each of them.
+
+  SEEDS=<first>-<last>   which (1-20); a seed is one world and one flight
+  MINUTES=<n>            how long each (10)
+
+A failure prints its seed, the law and the instant, and the command that does it again and keeps everything in
+build/simulated/<seed>. It is made smaller by leaving faults out while it still fails.
+"""
+
+import os
+import random
+import sys
+import time
+from collections import namedtuple
+from pathlib import Path
+
+if __package__ is None:
+    sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from host import front, parts, program
+from host.flight import write_flight
+from simulated.faults import FAULTS
+from simulated.flight import WARM_UP_S, Flight
+from simulated.laws import broken_laws
+
+FOLDER = parts.ROOT / "build/simulated"
+LATE = ((0.0, 0), (0.0, 0), (0.1, 40_000), (0.3, 150_000))  # share of wake-ups, most
+REST_S = 15.0  # after a fault, at least
+Plan = namedtuple("Plan", "mode late faults")  # faults: (Fault, at_s, seconds)
+
+
+def plan(seed, until_s):
+    """What that seed's world is, and what is done in it."""
+    chance = random.Random(f"flight {seed}")
+    mode, late, faults = chance.choice(front.MODES), chance.choice(LATE), []
+    at_s = WARM_UP_S + chance.uniform(5, 20)
+    while at_s < until_s - 2 * REST_S:
+        seconds = chance.choice((0.05, 0.5, 2.0, 6.0, 20.0)) * chance.uniform(0.8, 1.2)
+        faults.append((chance.choice(FAULTS), at_s, seconds))
+        at_s += seconds + REST_S + chance.expovariate(1 / 15)
+    return Plan(mode, late, faults)
+
+
+def fly(seed, until_s, what, folder):
+    """The laws that were broken, and how long it took."""
+    folder.mkdir(parents=True, exist_ok=True)
+    log = folder.with_suffix(".tlog")
+    write_flight(log, until_s + 10, seed=seed)
+    begun, flight = time.monotonic(), Flight(folder, log, seed, what.mode, late=what.late)
+    try:
+        for fault, at_s, seconds in what.faults:
+            flight.harm(fault, at_s, seconds)
+        flight.fly(until_s)
+        return broken_laws(flight, until_s), time.monotonic() - begun
+    finally:
+        flight.end()
+
+
+def smaller(seed, until_s, what, folder):
+    """The same without what it doesn't need to fail."""
+    for one in list(what.faults):
+        less = what._replace(faults=[other for other in what.faults if other is not one])
+        if fly(seed, until_s, less, folder)[0]:
+            what = less
+    return what
+
+
+def told(what):
+    late = f"late at {what.late[0]:.0%} of its wake-ups by up to {what.late[1] / 1000:.0f} ms" if what.late[0] else "never late"
+    return "\n".join([f"  {what.mode}, {late}", *(
+        f"  {at_s:7.2f} s  {fault.name}{f' for {seconds:.2f} s' if fault.end else ''}" for fault, at_s, seconds in what.faults)])
+
+
+def asked():
+    seeds, minutes = os.environ.get("SEEDS") or "1-20", os.environ.get("MINUTES") or "10"
+    first, _, last = seeds.partition("-")
+    if not (first.isdigit() and (last or first).isdigit() and minutes.replace(".", "", 1).isdigit()):
+        sys.exit(f"simulate: SEEDS={seeds} MINUTES={minutes}: expected SEEDS=1-20 and a number of minutes")
+    return range(int(first), int(last or first) + 1), float(minutes)
+
+
+def main():
+    seeds, minutes = asked()
+    until_s, failed, took_s, faults = minutes * 60, [], 0.0, 0
+    for seed in seeds:
+        what = plan(seed, until_s)
+        broken, seconds = fly(seed, until_s, what, FOLDER / str(seed))
+        took_s, faults = took_s + seconds, faults + len(what.faults)
+        if broken:
+            failed.append(seed)
+            print(f"seed {seed}: {len(broken)} times, first: {broken[0]}\n"
+                  f"{told(smaller(seed, until_s, what, FOLDER / f'{seed}-smaller'))}\n"
+                  f"  again: make simulate SEEDS={seed} MINUTES={minutes:g}", flush=True)
+    print(f"{len(seeds)} flights, {len(seeds) * minutes / 60:.1f} hours, {faults} faults, in {took_s:.0f} s "
+          f"({len(seeds) * until_s / took_s:.0f} times real time): {len(failed)} broke a law")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    program.run("simulate", main)
