@@ -35,6 +35,12 @@ def test_data():
     return Path(os.environ.get("TEST_DATA") or ROOT.parent / "shared/data")
 
 
+def config_text(sections):
+    """odid.conf of {section: {key: value}}."""
+    return "".join(f"[{name}]\n" + "".join(f"{key} = {value}\n" for key, value in keys.items())
+                   for name, keys in sections.items())
+
+
 def environment():
     return {**os.environ, "PYTHONPATH": str(ROOT / "tests")}
 
@@ -135,10 +141,8 @@ class Bench:
         sections["daemon"] = {"run_dir": self.folder / "run", "user": "root"}
         for name, keys in self.settings.items():
             sections.setdefault(name, {}).update(keys)
-        text = "".join(f"[{name}]\n" + "".join(f"{key} = {value}\n" for key, value in keys.items())
-                       for name, keys in sections.items())
         path = self.folder / "odid.conf"
-        path.write_text(text)
+        path.write_text(config_text(sections))
         return path
 
     def start_daemon(self, *flags):

@@ -34,16 +34,19 @@ def read_set_log(path: Path) -> dict[str, list[SetPayload]]:
         if "data" not in record:
             continue
         try:
-            rows = log.setdefault(record["channel"], [])
-            payload = SetPayload(float(record["mono"]), bytes.fromhex(record["data"]))
+            add_payload(log, record["channel"], float(record["mono"]), bytes.fromhex(record["data"]))
         except (KeyError, ValueError, TypeError) as error:
             raise InputError(f"{path}:{number}: expected mono, channel and data in hexadecimal: {error}") from error
-        if rows and rows[-1].data == payload.data:
-            continue
-        if rows:
-            rows[-1].superseded_mono = payload.mono
-        rows.append(payload)
     return log
+
+
+def add_payload(log: dict[str, list[SetPayload]], channel: str, mono: float, data: bytes) -> None:
+    rows = log.setdefault(channel, [])
+    if rows and rows[-1].data == data:
+        return
+    if rows:
+        rows[-1].superseded_mono = mono
+    rows.append(SetPayload(mono, data))
 
 
 def check_set_log(log: dict[str, list[SetPayload]], run: Run, findings: Findings, judge: bool) -> dict[str, int]:

@@ -3,7 +3,7 @@
 from host import parts
 from receiver.conformance import Options, judge
 from receiver.flight_log import read_flight_log
-from receiver.set_log import SetPayload
+from receiver.set_log import add_payload
 
 from .air import Air
 from .autopilot import Autopilot
@@ -35,8 +35,7 @@ class Flight:
             "broadcast": {"bt_adapter": f"h4:{BLUETOOTH}", "wifi_iface": "wlan0", "hostapd_dir": self.world.root / "hostapd"},
             "daemon": {"run_dir": self.world.root / "run", "user": "root"}}
         path = self.world.root / "odid.conf"
-        path.write_text("".join(f"[{name}]\n" + "".join(f"{key} = {value}\n" for key, value in keys.items())
-                                for name, keys in sections.items()))
+        path.write_text(parts.config_text(sections))
         return path
 
     def at(self, second, call, *arguments):
@@ -66,12 +65,7 @@ class Flight:
     def _set_log(self):
         log = {}
         for mono, channel, data in self.controller.set_log:
-            rows = log.setdefault(channel, [])
-            if rows and rows[-1].data == data:
-                continue
-            if rows:
-                rows[-1].superseded_mono = mono
-            rows.append(SetPayload(mono, data))
+            add_payload(log, channel, mono, data)
         return log
 
     def end(self):

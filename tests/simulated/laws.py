@@ -16,10 +16,9 @@ NEWER_LATE_S = 1.0  # (2nd), on any
 def broken_laws(flight, until_s):
     """Sentences."""
     judgement = flight.judged()
-    kinds = {kind: count for kind, count in judgement.findings.counts.items() if kind not in ABOUT_TIME}
     broken = [f"{violation.kind} at {violation.mono - START_US / 1e6 if violation.mono else 0:.3f} s on {violation.channel}: "
               f"{violation.what}; expected {violation.expected}, found {violation.found}"
-              for violation in judgement.findings.violations if violation.kind in kinds]
+              for violation in judgement.findings.violations if violation.kind not in ABOUT_TIME]
     heard = {track.channel: track for track in judgement.tracks}
     for channel in flight.channels:
         news = [where.reception.mono - START_US / 1e6 for where, _ in heard[channel].newer_locations()] \
