@@ -17,7 +17,8 @@ from .controller import Rootcanal
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
-DAEMON = ROOT / "build/daemon/odid-daemon"
+# DAEMON=: another one than `make daemon` has built (tests/mutants).
+DAEMON = Path(os.environ.get("DAEMON") or ROOT / "build/daemon/odid-daemon")
 CONTROL = ROOT / "build/daemon/odidctl"
 IFACE = "wlan0"
 

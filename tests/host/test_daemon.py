@@ -466,7 +466,10 @@ def test_a_forbidden_system_call_ends_the_running_daemon(flying):
     if os.geteuid() != 0:
         pytest.skip("needs root: a debugger makes the daemon misbehave")
     bench = flying()
-    subprocess.run(["gdb", "--batch", "-p", str(bench.daemon.process.pid), "-ex", "call (int)mkdir(\"/tmp/odid-forbidden\", 448)"],
+    forbidden = bench.folder / "open/forbidden"
+    forbidden.parent.mkdir()
+    forbidden.parent.chmod(0o777)
+    subprocess.run(["gdb", "--batch", "-p", str(bench.daemon.process.pid), "-ex", f"call (int)mkdir(\"{forbidden}\", 448)"],
                    capture_output=True, stdin=subprocess.DEVNULL, timeout=patience.LIMIT_S, check=False)
     assert bench.daemon.process.wait(patience.LIMIT_S) == -signal.SIGSYS
-    assert not Path("/tmp/odid-forbidden").exists()
+    assert not forbidden.exists()

@@ -1,31 +1,59 @@
-"""A MODEL of an autopilot on a serial line: plays a log of frames, by the world's clock."""
+"""A MODEL of an autopilot on a serial line: plays a log of frames, by the world's clock, and heeds nothing that it is told."""
 
 import json
+from collections import namedtuple
 
-from host import player
+from host import player, tlog
+from pymavlink.dialects.v20 import common
 
 from .world import Device
 
+# What the daemon says of itself: CLOCK_MONOTONIC in seconds, whether it is good to arm, and otherwise why not.
+ArmStatus = namedtuple("ArmStatus", "mono good reason")
+
 
 class Autopilot:
-    """frames: host/player.py's, (seconds, frame, record or None)."""
+    """frames: host/player.py's, (seconds, frame, record or None). said: each ARM_STATUS that came.
+
+    rewrite(message) may change what it says, or return False: it isn't said."""
 
     def __init__(self, world, path, flight, played):
         self.world = world
         self.frames = player.prepare(flight, 0, None)
         self.played = open(played, "w", encoding="utf-8")
         self.silent = False
-        self.device = Device(world, path, lambda octets: None)  # what it is sent, it doesn't heed
+        self.rewrite = None
+        self.said = []
+        self._decoder, self._link = tlog.Decoder(), common.MAVLink(None, srcSystem=1, srcComponent=1)
+        self.device = Device(world, path, self._listen)
         self._begun_us, self._next = world.now_us, 0
         world.at(self._begun_us, self._play)
 
+    def _listen(self, octets):
+        for message in self._decoder.messages(octets):
+            if message.get_type() == "OPEN_DRONE_ID_ARM_STATUS":
+                self.said.append(ArmStatus(self.world.now_us / 1e6, message.status == 0, message.error))
+
     def _play(self):
         _, frame, record = self.frames[self._next]
-        if not self.silent and self.device.send(frame) and record:
+        if self.rewrite:
+            frame, record = self._rewritten(frame, record)
+        if frame and not self.silent and self.device.send(frame) and record:
             self.played.write(json.dumps({"time": self.world.unix_s, "mono": self.world.now_us / 1e6} | record) + "\n")
         self._next += 1
         if self._next < len(self.frames):
             self.world.at(self._begun_us + round(self.frames[self._next][0] * 1e6), self._play)
+
+    def _rewritten(self, frame, record):
+        message, = tlog.Decoder().messages(frame)
+        if self.rewrite(message) is False:
+            return None, None
+        self._link.seq = message.get_seq()
+        return message.pack(self._link), tlog.as_record(message) if record else None
+
+    def say(self, system_id, message):
+        """As another system on the same line."""
+        self.device.send(message.pack(common.MAVLink(None, srcSystem=system_id, srcComponent=1)))
 
     def close(self):
         self.played.close()

@@ -1,14 +1,19 @@
 """What is done to a flight: whom it takes off the air, for how long, and how soon everything is there again."""
 
+import math
 from collections import namedtuple
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from pymavlink.dialects.v20 import common
+
+from .controller import DISALLOWED, SET_DATA, SET_EXTENDED_DATA
+
 BLUETOOTH, WIFI, ALL = ("bt4", "bt5"), ("wifi",), ("bt4", "bt5", "wifi")
 FOREIGN_DISABLE, FOREIGN_RESET = (0x2039, bytes(2)), (0x0C03, b"")
 
-# Of a channel, in seconds of the flight: from when to when it was taken away, and what it may cost after that.
-Window = namedtuple("Window", "channel begin_s back_s limit_s")
+# Of a channel, in seconds of the flight: from when to when that fault took it away.
+Window = namedtuple("Window", "channel begin_s back_s fault")
 
 
 @dataclass(frozen=True)
@@ -19,6 +24,13 @@ class Fault:
     limit_s: float
     begin: Callable
     end: Callable | None = None  # None: it is over at once
+    longest_s: float = math.inf  # then it is over by itself
+    kept: bool = False  # needs odid-keeper and the others
+
+    @property
+    def restarts(self):
+        """The daemon may be another one afterwards."""
+        return self.kept and bool(self.channels)
 
 
 def legacy_or_not(flight):
@@ -30,20 +42,64 @@ def plug_in_controller(flight):
     flight.controller.device.plug_in()
 
 
+def refuse_data(flight):
+    flight.controller.refused |= {SET_DATA: DISALLOWED, SET_EXTENDED_DATA: DISALLOWED}
+
+
+def lose_gnss(message):
+    if message.get_type() == "GPS_RAW_INT":
+        message.fix_type = 1
+
+
+def fly_beside(flight, until_us):
+    """Another vehicle speaks on the same line, ten times a second."""
+    now_us = flight.world.now_us
+    if now_us < until_us:
+        boot_ms = now_us // 1000
+        flight.autopilot.say(7, common.MAVLink_heartbeat_message(1, 3, 0x81, 0, 4, 3))
+        flight.autopilot.say(7, common.MAVLink_global_position_int_message(boot_ms, 600000000, 100000000, 0, 0, 0, 0, 0, 0))
+        flight.world.after(100_000, fly_beside, flight, until_us)
+
+
+def hang(flight):
+    flight.world.called("odid-daemon").hangs = True
+
+
+def go_on(flight):
+    daemon = flight.world.called("odid-daemon")  # perhaps another one by now
+    if daemon.hangs:
+        flight.world.go_on(daemon)
+
+
+def set_clock(flight):
+    flight.world.realtime_us += flight.world.chance.choice((-1, 1)) * flight.world.chance.randint(2, 10**8) * 1_000_000
+
+
 FAULTS = (
     Fault("foreign_disable", BLUETOOTH, 0.45, lambda flight: flight.controller.command(*legacy_or_not(flight))),
     Fault("foreign_reset", BLUETOOTH, 0.45, lambda flight: flight.controller.command(*FOREIGN_RESET)),
     Fault("controller_unplugged", BLUETOOTH, 1.5, lambda flight: flight.controller.device.unplug(), plug_in_controller),
     Fault("controller_hangs", BLUETOOTH, 2.5, lambda flight: setattr(flight.controller, "hangs", True),
           lambda flight: setattr(flight.controller, "hangs", False)),
+    Fault("controller_loses_an_event", BLUETOOTH, 2.5, lambda flight: setattr(flight.controller, "lost_events", 1)),
+    Fault("controller_refuses_data", BLUETOOTH, 0.9, refuse_data),
     Fault("hostapd_killed", WIFI, 1.5, lambda flight: flight.hostapd.kill(), lambda flight: flight.hostapd.start()),
     Fault("hostapd_mute", WIFI, 2.5, lambda flight: flight.hostapd.order("mute"),
           lambda flight: flight.hostapd.order("unmute")),
     Fault("hostapd_disabled", WIFI, 1.5, lambda flight: flight.hostapd.order("disabled"),
           lambda flight: flight.hostapd.order("enabled")),
+    Fault("hostapd_refuses", WIFI, 1.5, lambda flight: flight.hostapd.order("fail", "2")),
     Fault("hostapd_forgets", WIFI, 0.45, lambda flight: flight.hostapd.order("forget")),
     Fault("autopilot_unplugged", ALL, 1.6, lambda flight: flight.autopilot.device.unplug(),
           lambda flight: flight.autopilot.device.plug_in()),
     Fault("autopilot_silent", ALL, 0.7, lambda flight: setattr(flight.autopilot, "silent", True),
           lambda flight: setattr(flight.autopilot, "silent", False)),
+    Fault("gnss_lost", ALL, 1.2, lambda flight: setattr(flight.autopilot, "rewrite", lose_gnss),
+          lambda flight: setattr(flight.autopilot, "rewrite", None)),
+    Fault("another_vehicle", (), 0.0, lambda flight: fly_beside(flight, flight.world.now_us + 5_000_000)),
+    Fault("daemon_killed", ALL, 0.9, lambda flight: flight.world.kill(flight.world.called("odid-daemon")), kept=True),
+    Fault("daemon_hangs", ALL, 0.9, hang, go_on, longest_s=3.0, kept=True),
+    Fault("keeper_killed", ALL, 1.9, lambda flight: flight.kill_service("odid-keeper"), kept=True),
+    Fault("recorder_killed", (), 0.0, lambda flight: flight.kill_service("odid-recorder"), kept=True),
+    Fault("clock_set", (), 0.0, set_clock, kept=True),
 )

@@ -1,4 +1,7 @@
-"""One flight of odid-daemon in a simulated world: radios, hostapd and an autopilot around it, and the judge behind."""
+"""One flight in a simulated world: the programs, radios, hostapd and an autopilot around them, and the judge behind."""
+
+import json
+import subprocess
 
 from host import parts
 from receiver.conformance import Options, judge
@@ -13,11 +16,14 @@ from .hostapd import Hostapd
 from .world import START_US, World
 
 BLUETOOTH, SERIAL = "/dev/bluetooth", "/dev/autopilot"
+SERVICES = ("odid-keeper", "odid-recorder", "odid-clock")
 WARM_UP_S = 5.0  # until all is on the air, and a position has come
 
 
 class Flight:
-    def __init__(self, folder, flight, seed=1, mode="full", loss=0.0, late=(0.0, 0)):
+    """kept: as on the appliance, with odid-keeper, odid-recorder and odid-clock; else odid-daemon by itself."""
+
+    def __init__(self, folder, flight, seed=1, mode="full", loss=0.0, late=(0.0, 0), kept=False):
         self.folder = folder
         self.world = World(folder, seed, late)
         self.air = Air(self.world, loss)
@@ -25,18 +31,64 @@ class Flight:
         self.hostapd = Hostapd(self.world, self.air, self.world.root / "hostapd")
         self.autopilot = Autopilot(self.world, SERIAL, flight, folder / "played.jsonl")
         self.channels = ("bt4", "bt5", "wifi") if mode == "full" else ("bt4", "wifi")
-        self.windows = []  # what was done to it
-        self.world.start([parts.DAEMON, "-config", self._write_config()], folder / "daemon.log")
+        self.kept, self.windows = kept, []  # windows: what was done to it
+        self._config = self._write_config()
+        self.costs_at_first = None  # the daemon's: process, descriptors, KiB
+        self.at(2 * WARM_UP_S, self._look_at_costs)
+        if kept:
+            for name in SERVICES:
+                self.serve(name)
+        else:
+            self._start("odid-daemon", "-config", self._config)
 
     def _write_config(self):
-        (self.world.root / "run").mkdir()
+        (self.world.root / "run/odid").mkdir()
         sections = parts.IDENTITY | {
             "mavlink": {"source": "serial", "device": SERIAL},
             "broadcast": {"bt_adapter": f"h4:{BLUETOOTH}", "wifi_iface": "wlan0", "hostapd_dir": self.world.root / "hostapd"},
-            "daemon": {"run_dir": self.world.root / "run", "user": "root"}}
+            "daemon": {"run_dir": self.world.root / "run/odid", "user": "root"}}
         path = self.world.root / "odid.conf"
         path.write_text(parts.config_text(sections))
         return path
+
+    # --- programs --------------------------------------------------------------------
+
+    def _start(self, name, *words):
+        return self.world.start([parts.DAEMON.with_name(name), *words], self.folder / f"{name}.log")
+
+    def serve(self, name):
+        """A service, as the supervisor starts it."""
+        root, run_dir = self.world.root, self.world.root / "run/odid"
+        (root / "run/faults").mkdir(exist_ok=True)
+        if name == "odid-keeper":
+            self._start(name, "-faults", root / "run/faults", "--", parts.DAEMON, "-config", self._config)
+        elif name == "odid-recorder":
+            self._start(name, "-root", root, "-run-dir", run_dir, "-dir", self.flights)
+        else:
+            self._start(name, "-run-dir", run_dir, "-file", root / "clock", "-release", root / "etc/odid-release")
+
+    def kill_service(self, name, again_s=1.0):
+        """And the supervisor starts it again."""
+        self.world.kill(self.world.called(name))
+        self.world.after(round(again_s * 1e6), self.serve, name)
+
+    def _look_at_costs(self):
+        daemon = self.world.called("odid-daemon")
+        if daemon:
+            self.costs_at_first = daemon.pid, daemon.descriptors(), daemon.memory_kib()
+
+    @property
+    def flights(self):
+        """Where the flight records are."""
+        return self.folder / "flights"
+
+    def record(self):
+        """The newest flight record, as odidctl tells it."""
+        said = subprocess.run([parts.CONTROL, "-flights-dir", self.flights, "flights", "1", "--json"], capture_output=True,
+                              text=True, check=True)
+        return json.loads(said.stdout)
+
+    # --- what happens ----------------------------------------------------------------
 
     def at(self, second, call, *arguments):
         """Of the flight."""
@@ -44,11 +96,11 @@ class Flight:
 
     def harm(self, fault, at_s, seconds=0.0):
         """Does a fault, for so long where it is one that lasts."""
-        back_s = at_s + (seconds if fault.end else 0.0)
+        back_s = at_s + (min(seconds, fault.longest_s) if fault.end else 0.0)
         self.at(at_s, fault.begin, self)
         if fault.end:
-            self.at(back_s, fault.end, self)
-        self.windows += [Window(channel, at_s, back_s, fault.limit_s) for channel in fault.channels]
+            self.at(at_s + seconds, fault.end, self)
+        self.windows += [Window(channel, at_s, back_s, fault) for channel in fault.channels]
 
     def fly(self, until_s):
         """To that second of the flight."""

@@ -4,40 +4,182 @@ The judge knows nothing of faults: to it a channel that was taken away is silent
 here, beside what was done; all its other rules hold as they are.
 """
 
+from bisect import bisect_right
+from itertools import chain, pairwise
+
 from receiver.findings import ABOUT_TIME
 
+from .faults import ALL
 from .flight import WARM_UP_S
 from .world import START_US
 
 NEWER_S = 0.45  # on a machine that isn't late: the 4 Hz of the slots, and a chip's interval
 NEWER_LATE_S = 1.0  # (2nd), on any
+OTHERS_S = 1.5  # each other message; 3 s are allowed
+OTHERS_LATE_S = 3.0
+# What is said of itself, to the pilot and in the flight record, and how long it may take to find out.
+GOOD_S = 3.6  # "good to arm" stands for so long after the last newer position that anybody heard, or just before one
+BAD_S = 2.5  # and isn't said again for so long after all is well
+TOLD_S = 1.3  # it is told each second
+GAP_S = 3.0  # a silence that long is in the record, ...
+RECORD_S = 2.5  # ... whose looks are a second apart
+# What the daemon may cost.
+WAKE_UPS_HZ = 60.0
+MEMORY_KIB = 64
 
 
 def broken_laws(flight, until_s):
     """Sentences."""
     judgement = flight.judged()
-    broken = [f"{violation.kind} at {violation.mono - START_US / 1e6 if violation.mono else 0:.3f} s on {violation.channel}: "
-              f"{violation.what}; expected {violation.expected}, found {violation.found}"
-              for violation in judgement.findings.violations if violation.kind not in ABOUT_TIME]
-    heard = {track.channel: track for track in judgement.tracks}
-    for channel in flight.channels:
-        news = [where.reception.mono - START_US / 1e6 for where, _ in heard[channel].newer_locations()] \
-            if channel in heard else []
-        broken += waits(flight, channel, news, until_s)
-    return broken
+    heard = {track.channel: Heard(track) for track in judgement.tracks}
+    laws = [said_as_the_judge_has_it(flight, judgement), *(
+        waits(flight, channel, name, times, until_s) for channel in flight.channels
+        for name, times in (heard[channel].times if channel in heard else NOTHING_HEARD).items())]
+    laws += [good_is_true(flight, heard), bad_is_true(flight), it_is_told(flight, until_s), costs(flight, until_s)]
+    if flight.kept:
+        laws += [gaps_are_recorded(flight, heard), recorded_gaps_were(flight), clock_is_right(flight)]
+    return list(chain.from_iterable(laws))
 
 
-def waits(flight, channel, news, until_s):
-    """A newer position within its time; where it was taken away, within the fault's time from its end on."""
-    normally_s = NEWER_LATE_S if flight.world.late[0] else NEWER_S
-    late_s = flight.world.late[1] / 1e6
+def seconds(mono):
+    return mono - START_US / 1e6
+
+
+class Heard:
+    """When what was heard on a channel, in seconds of the flight."""
+
+    def __init__(self, track):
+        self.times = {name: [] for name in NOTHING_HEARD}
+        self.times["newer position"] = [seconds(where.reception.mono) for where, _ in track.newer_locations()]
+        for one in track.heard:
+            for message in one.messages:
+                if message.type_name in self.times:
+                    self.times[message.type_name].append(seconds(one.reception.mono))
+
+
+NOTHING_HEARD = {"newer position": [], "basic_id": [], "system": [], "operator_id": [], "self_id": []}
+
+
+def said_as_the_judge_has_it(flight, judgement):
+    for one in judgement.findings.violations:
+        at_s = seconds(one.mono) if one.mono else 0.0
+        if one.kind not in ABOUT_TIME and not (one.kind == "played.altitude" and just_restarted(flight, at_s)):
+            yield f"{one.kind} at {at_s:.3f} s on {one.channel}: {one.what}; expected {one.expected}, found {one.found}"
+
+
+def just_restarted(flight, at_s):
+    """A daemon that has just begun knows the geoid's separation with the autopilot's next GPS_RAW_INT."""
+    return any(one.fault.restarts and one.begin_s <= at_s <= one.back_s + one.fault.limit_s for one in flight.windows)
+
+
+def normally_s(flight, what):
+    if what == "newer position":
+        return NEWER_LATE_S if flight.world.late[0] else NEWER_S
+    return OTHERS_LATE_S if flight.world.late[0] else OTHERS_S
+
+
+def waits(flight, channel, what, times, until_s):
+    """A newer position, and every other message, within its time; where it was taken away, within the fault's time from its
+    end on."""
+    late_s, ordinary_s = flight.world.late[1] / 1e6, normally_s(flight, what)
     windows = [one for one in flight.windows if one.channel == channel]
-    times = [WARM_UP_S, *news, until_s]
-    for before, after in zip(times, times[1:]):
-        since_s, limit_s = before, normally_s
+    for before, after in pairwise([WARM_UP_S, *times, until_s]):
+        since_s, limit_s = before, ordinary_s
         for one in windows:
-            # Until the next newer position after its end it is the fault's time that counts.
-            if one.begin_s - normally_s < after and one.back_s + one.limit_s > before:
-                since_s, limit_s = max(since_s, min(one.back_s, after)), max(limit_s, one.limit_s + 2 * late_s)
+            # Until the next one after its end it is the fault's time that counts.
+            if one.begin_s - ordinary_s < after and one.back_s + one.fault.limit_s > before:
+                since_s = max(since_s, min(one.back_s, after))
+                limit_s = max(limit_s, one.fault.limit_s + ordinary_s - NEWER_S + 2 * late_s)
         if after - since_s > limit_s:
-            yield f"{channel}: no newer position from {before:.3f} to {after:.3f} s, {limit_s:.2f} s allowed from {since_s:.3f} s on"
+            yield f"{channel}: no {what} from {before:.3f} to {after:.3f} s, {limit_s:.2f} s allowed from {since_s:.3f} s on"
+
+
+# --- what it says of itself ---------------------------------------------------------------
+
+
+def good_is_true(flight, heard):
+    """The pilot isn't told that all is well where nobody has heard a newer position for long."""
+    for told in flight.autopilot.said:
+        at_s = seconds(told.mono)
+        if not told.good or at_s < WARM_UP_S + GOOD_S:
+            continue
+        for channel in flight.channels:
+            times = heard[channel].times["newer position"] if channel in heard else []
+            place = bisect_right(times, at_s)
+            last_s = times[place - 1] if place else 0.0
+            soon = times[place:place + 1] and times[place] - at_s < normally_s(flight, "newer position")
+            if at_s - last_s > GOOD_S + 2 * flight.world.late[1] / 1e6 and not soon:
+                yield f"{channel}: \"good to arm\" at {at_s:.3f} s, the last newer position was heard at {last_s:.3f} s"
+
+
+def bad_is_true(flight):
+    """Nor that something is wrong where nothing is."""
+    late_s = 2 * flight.world.late[1] / 1e6
+    for told in flight.autopilot.said:
+        at_s = seconds(told.mono)
+        if not told.good and at_s > WARM_UP_S and not any(
+                one.begin_s <= at_s <= one.back_s + one.fault.limit_s + BAD_S + late_s for one in flight.windows):
+            yield f"\"{told.reason}\" at {at_s:.3f} s, and nothing was wrong"
+
+
+def it_is_told(flight, until_s):
+    """Every second; but where the autopilot can't hear it, or nobody is there to say it."""
+    late_s = 2 * flight.world.late[1] / 1e6
+    nobody = [one for one in flight.windows if one.channel == ALL[0] and one.fault.channels == ALL]
+    for before, after in pairwise([WARM_UP_S, *(seconds(told.mono) for told in flight.autopilot.said), until_s]):
+        if after - before > TOLD_S + late_s and not any(
+                one.begin_s < after and one.back_s + one.fault.limit_s + TOLD_S > before for one in nobody):
+            yield f"no ARM_STATUS from {before:.3f} to {after:.3f} s"
+
+
+# --- the flight record -----------------------------------------------------------------------
+
+
+def recorded_gaps(flight):
+    """(channel, from, to) in seconds of the flight."""
+    return [(one["channel"], seconds(one["t"]), seconds(one["t"] + one["seconds"]))
+            for one in flight.record()["events"] if one["event"] == "gap"]
+
+
+def gaps_are_recorded(flight, heard):
+    """Where nobody heard anything newer for long, and it was taken away, the record has it."""
+    found = recorded_gaps(flight)
+    for channel, track in heard.items():
+        for before, after in pairwise(track.times["newer position"]):
+            taken = any(one.channel == channel and one.fault.channels != ALL and one.begin_s < after and one.back_s > before
+                        for one in flight.windows)
+            if taken and after - before > GAP_S + flight.world.late[1] / 1e6 and not any(
+                    where == channel and begin < before + RECORD_S and end > after - RECORD_S for where, begin, end in found):
+                yield f"{channel}: silent from {before:.3f} to {after:.3f} s, and the flight record doesn't say so"
+
+
+def recorded_gaps_were(flight):
+    """And nothing else."""
+    for channel, begin, end in recorded_gaps(flight):
+        if not any(one.channel == channel and one.begin_s < end and one.back_s + one.fault.limit_s + RECORD_S > begin
+                   for one in flight.windows):
+            yield f"{channel}: the flight record has a gap from {begin:.3f} to {end:.3f} s, and there was none"
+
+
+def clock_is_right(flight):
+    """Ten seconds after it was set by whom it may, the system's clock is the autopilot's again."""
+    off_s = (flight.world.realtime_us + flight.world.now_us) / 1e6 - flight.world.unix_s
+    if abs(off_s) > 1.5:
+        yield f"the system's clock is {off_s:.1f} s off at the end"
+
+
+# --- what it costs -----------------------------------------------------------------------------
+
+
+def costs(flight, until_s):
+    """Bounded wake-ups; no descriptor and no memory more than when all was on the air."""
+    daemon = flight.world.called("odid-daemon")
+    if not flight.kept and daemon.wakeups > WAKE_UPS_HZ * until_s:
+        yield f"{daemon.wakeups} wake-ups in {until_s:.0f} s"
+    files, kib = daemon.descriptors(), daemon.memory_kib()
+    before = flight.costs_at_first
+    if before and before[0] == daemon.pid:
+        if files > before[1] + 1:
+            yield f"{files} descriptors at the end, {before[1]} at {WARM_UP_S:g} s"
+        if kib > before[2] + MEMORY_KIB:
+            yield f"{kib} KiB of memory at the end, {before[2]} at {WARM_UP_S:g} s"

@@ -26,19 +26,22 @@ from simulated.laws import broken_laws
 FOLDER = parts.ROOT / "build/simulated"
 LATE = ((0.0, 0), (0.0, 0), (0.1, 40_000), (0.3, 150_000))  # share of wake-ups, most
 REST_S = 15.0  # after a fault, at least
-Plan = namedtuple("Plan", "mode late faults")  # faults: (Fault, at_s, seconds)
+KEPT = 0.25  # with odid-keeper and the others: so many of the flights
+Plan = namedtuple("Plan", "mode late kept faults")  # faults: (Fault, at_s, seconds)
 
 
 def plan(seed, until_s):
     """What that seed's world is, and what is done in it."""
     chance = random.Random(f"flight {seed}")
-    mode, late, faults = chance.choice(front.MODES), chance.choice(LATE), []
+    mode, late, kept, faults = chance.choice(front.MODES), chance.choice(LATE), chance.random() < KEPT, []
+    possible = [fault for fault in FAULTS if kept or not fault.kept]
     at_s = WARM_UP_S + chance.uniform(5, 20)
     while at_s < until_s - 2 * REST_S:
+        fault = chance.choice(possible)
         seconds = chance.choice((0.05, 0.5, 2.0, 6.0, 20.0)) * chance.uniform(0.8, 1.2)
-        faults.append((chance.choice(FAULTS), at_s, seconds))
+        faults.append((fault, at_s, seconds))
         at_s += seconds + REST_S + chance.expovariate(1 / 15)
-    return Plan(mode, late, faults)
+    return Plan(mode, late, kept, faults)
 
 
 def fly(seed, until_s, what, folder):
@@ -46,7 +49,7 @@ def fly(seed, until_s, what, folder):
     folder.mkdir(parents=True, exist_ok=True)
     log = folder.with_suffix(".tlog")
     write_flight(log, until_s + 10, seed=seed)
-    begun, flight = time.monotonic(), Flight(folder, log, seed, what.mode, late=what.late)
+    begun, flight = time.monotonic(), Flight(folder, log, seed, what.mode, late=what.late, kept=what.kept)
     try:
         for fault, at_s, seconds in what.faults:
             flight.harm(fault, at_s, seconds)
@@ -67,7 +70,7 @@ def smaller(seed, until_s, what, folder):
 
 def told(what):
     late = f"late at {what.late[0]:.0%} of its wake-ups by up to {what.late[1] / 1000:.0f} ms" if what.late[0] else "never late"
-    return "\n".join([f"  {what.mode}, {late}", *(
+    return "\n".join([f"  {what.mode}, {late}{', with its keeper, recorder and clock' if what.kept else ''}", *(
         f"  {at_s:7.2f} s  {fault.name}{f' for {seconds:.2f} s' if fault.end else ''}" for fault, at_s, seconds in what.faults)])
 
 

@@ -1,15 +1,15 @@
 /*
  * The seam between a program and the simulated world: preloaded, it is its
- * clock, its timer, its waiting, and its devices. The program is the one that
- * ships, and knows nothing of it.
+ * clocks, its timer, its waiting, and its devices. The program is the one that
+ * ships, and knows nothing of it; one that it starts gets a seam of its own.
  *
- * When nothing is ready, epoll_wait doesn't wait. It tells the world how long it
- * would have (SIM_FD: 8 octets, the deadline in simulated microseconds), and
- * goes on with the time that the world answers.
+ * When nothing is ready, epoll_wait, poll and sigtimedwait don't wait. They tell
+ * the world until when they would have, and go on with the time that the world
+ * answers (SIM_ROOT/world, a socket; struct turn goes either way).
  *
  * A file of the machine that also lies below SIM_ROOT is that one: a boot id, a
- * device. A device there is a UNIX socket that the world listens at: what is
- * written to it is there at once, which a pty's octets are not. Devices that
+ * device, /run. A device there is a UNIX socket that the world listens at: what
+ * is written to it is there at once, which a pty's octets are not. Devices that
  * aren't there don't exist.
  *
  * What is left out beside this (README.md): the system-call filter, locked memory
@@ -18,6 +18,8 @@
 #include <dlfcn.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <poll.h>
+#include <signal.h>
 #include <stdarg.h>
 #include <stdbool.h>
 #include <stdint.h>
@@ -31,6 +33,7 @@
 #include <sys/stat.h>
 #include <sys/timerfd.h>
 #include <sys/un.h>
+#include <sys/wait.h>
 #include <termios.h>
 #include <time.h>
 #include <unistd.h>
@@ -42,15 +45,25 @@
 /* The next definition of a function behind this one: libc's. */
 #define NEXT(name) ((__typeof__(&name))next(#name))
 
+enum file_kind { FILE_UNKNOWN, FILE_OF_OURS, FILE_OF_OTHERS, FILE_DEVICE };
+
+/* What program and world tell each other. */
+struct turn {
+    int64_t us;          /* program: until when it would wait; world: CLOCK_MONOTONIC */
+    int64_t realtime_us; /* CLOCK_REALTIME is ahead by this */
+    int64_t born;        /* program: the process that it has started since, or 0 */
+    int64_t touched;     /* program: another program may have something to read since */
+};
+
 static struct {
-    int world; /* SIM_FD */
+    int world;
     int timer; /* an eventfd that stands for the program's timerfd */
     const char *root;
-    int64_t now_us;      /* CLOCK_MONOTONIC */
-    int64_t realtime_us; /* CLOCK_REALTIME is ahead by this */
-    int64_t deadline_us;
+    struct turn now;
+    int64_t deadline_us; /* of the timer */
+    int64_t born, touched;
     uint64_t random;
-    bool is_device[FILES_MAX];
+    uint8_t kind[FILES_MAX]; /* enum file_kind */
 } self = {.world = -1, .timer = -1, .deadline_us = NEVER};
 
 static void *next(const char *name)
@@ -63,43 +76,78 @@ static void *next(const char *name)
     return found;
 }
 
-static int64_t number(const char *name)
+static int connect_to(const char *path, int type)
 {
-    const char *text = getenv(name);
+    struct sockaddr_un address = {.sun_family = AF_UNIX};
+    int fd = socket(AF_UNIX, type | SOCK_CLOEXEC, 0);
 
-    if (text == NULL) {
-        dprintf(STDERR_FILENO, "simulated: %s is not set\n", name);
+    snprintf(address.sun_path, sizeof(address.sun_path), "%s", path);
+    if (NEXT(connect)(fd, (struct sockaddr *)&address, sizeof(address)) == 0) {
+        return fd;
+    }
+    NEXT(close)(fd);
+    return -1;
+}
+
+/* The program stands still until the world says what time it is. */
+static void wait_for_the_world(int64_t until_us)
+{
+    const struct turn mine = {.us = until_us,
+                              .realtime_us = self.now.realtime_us,
+                              .born = self.born,
+                              .touched = self.touched};
+
+    self.born = self.touched = 0;
+    if (NEXT(send)(self.world, &mine, sizeof(mine), MSG_NOSIGNAL) < 0 ||
+        recv(self.world, &self.now, sizeof(self.now), 0) != sizeof(self.now)) {
         _exit(END_OF_WORLD);
     }
-    return strtoll(text, NULL, 10);
 }
 
 __attribute__((constructor)) static void begin(void)
 {
-    self.world = (int)number("SIM_FD");
-    self.now_us = number("SIM_NOW_US");
-    self.realtime_us = number("SIM_REALTIME_US");
-    self.random = (uint64_t)number("SIM_SEED") * UINT64_C(0x9E3779B97F4A7C15) + 1;
+    const char *seed;
+    char path[108];
+
     self.root = getenv("SIM_ROOT");
+    seed = getenv("SIM_SEED");
+    if (self.root == NULL || seed == NULL) {
+        dprintf(STDERR_FILENO, "simulated: SIM_ROOT and SIM_SEED have to be set\n");
+        _exit(END_OF_WORLD);
+    }
+    snprintf(path, sizeof(path), "%s/world", self.root);
+    self.world = connect_to(path, SOCK_SEQPACKET);
+    wait_for_the_world(0);
+    self.random = (uint64_t)strtoll(seed, NULL, 10) * UINT64_C(0x9E3779B97F4A7C15) + 1;
 }
 
 /* ---- time ---- */
 
 int clock_gettime(clockid_t clock, struct timespec *time)
 {
-    int64_t now_us = self.now_us;
+    int64_t now_us = self.now.us;
 
     if (clock == CLOCK_REALTIME || clock == CLOCK_REALTIME_COARSE) {
-        now_us += self.realtime_us;
+        now_us += self.now.realtime_us;
     }
     time->tv_sec = now_us / 1000000;
     time->tv_nsec = now_us % 1000000 * 1000;
     return 0;
 }
 
+int clock_settime(clockid_t clock, const struct timespec *time)
+{
+    if (clock != CLOCK_REALTIME) {
+        errno = EINVAL;
+        return -1;
+    }
+    self.now.realtime_us = time->tv_sec * INT64_C(1000000) + time->tv_nsec / 1000 - self.now.us;
+    return 0;
+}
+
 time_t time(time_t *result)
 {
-    time_t now_s = (self.now_us + self.realtime_us) / 1000000;
+    time_t now_s = (self.now.us + self.now.realtime_us) / 1000000;
 
     if (result != NULL) {
         *result = now_s;
@@ -134,17 +182,25 @@ static void expire(void)
 {
     const uint64_t once = 1;
 
-    if (self.deadline_us <= self.now_us) {
+    if (self.deadline_us <= self.now.us) {
         self.deadline_us = NEVER;
-        if (write(self.timer, &once, sizeof(once)) < 0) {
+        if (NEXT(write)(self.timer, &once, sizeof(once)) < 0) {
             _exit(END_OF_WORLD);
         }
     }
 }
 
+/* ---- waiting ---- */
+
+static int64_t until_us(int timeout_ms)
+{
+    return timeout_ms < 0 ? NEVER : self.now.us + timeout_ms * INT64_C(1000);
+}
+
 int epoll_wait(int epoll, struct epoll_event *events, int size, int timeout_ms)
 {
     static __typeof__(&epoll_wait) wait;
+    int64_t end_us = until_us(timeout_ms);
     int count;
 
     if (wait == NULL) {
@@ -153,14 +209,102 @@ int epoll_wait(int epoll, struct epoll_event *events, int size, int timeout_ms)
     for (;;) {
         expire();
         count = wait(epoll, events, size, 0);
-        if (count != 0 || timeout_ms == 0) {
+        if (count != 0 || end_us <= self.now.us) {
             return count;
         }
-        if (send(self.world, &self.deadline_us, sizeof(self.deadline_us), MSG_NOSIGNAL) < 0 ||
-            recv(self.world, &self.now_us, sizeof(self.now_us), 0) != sizeof(self.now_us)) {
-            _exit(END_OF_WORLD);
-        }
+        wait_for_the_world(self.deadline_us < end_us ? self.deadline_us : end_us);
     }
+}
+
+int poll(struct pollfd *files, nfds_t count, int timeout_ms)
+{
+    int64_t end_us = until_us(timeout_ms);
+    int ready;
+
+    while ((ready = NEXT(poll)(files, count, 0)) == 0 && end_us > self.now.us) {
+        wait_for_the_world(end_us);
+    }
+    return ready;
+}
+
+int sigtimedwait(const sigset_t *set, siginfo_t *info, const struct timespec *timeout)
+{
+    const struct timespec at_once = {0};
+    int64_t end_us = self.now.us + timeout->tv_sec * INT64_C(1000000) + timeout->tv_nsec / 1000;
+    int signal;
+
+    while ((signal = NEXT(sigtimedwait)(set, info, &at_once)) < 0 && end_us > self.now.us) {
+        wait_for_the_world(end_us);
+    }
+    return signal;
+}
+
+/* ---- other programs ---- */
+
+pid_t fork(void)
+{
+    pid_t child = NEXT(fork)();
+
+    if (child > 0) {
+        self.born = child;
+    }
+    return child;
+}
+
+/* One that is killed has gone when this returns: who started it has been told. */
+int kill(pid_t process, int signal)
+{
+    int result = NEXT(kill)(process, signal);
+    siginfo_t info;
+
+    self.touched = true;
+    if (result == 0 && signal == SIGKILL) {
+        waitid(P_PID, (id_t)process, &info, WEXITED | WNOWAIT);
+    }
+    return result;
+}
+
+static enum file_kind kind_of(int fd)
+{
+    struct stat status;
+
+    if (fd < 0 || fd >= FILES_MAX) {
+        return FILE_OF_OURS;
+    }
+    if (self.kind[fd] == FILE_UNKNOWN) {
+        bool shared =
+            fstat(fd, &status) == 0 && (S_ISFIFO(status.st_mode) || S_ISSOCK(status.st_mode));
+
+        self.kind[fd] = shared ? FILE_OF_OTHERS : FILE_OF_OURS;
+    }
+    return self.kind[fd];
+}
+
+static void touch(int fd)
+{
+    self.touched = self.touched || kind_of(fd) == FILE_OF_OTHERS;
+}
+
+ssize_t write(int fd, const void *octets, size_t size)
+{
+    static __typeof__(&write) really;
+
+    if (really == NULL) {
+        really = NEXT(write);
+    }
+    touch(fd);
+    return really(fd, octets, size);
+}
+
+ssize_t send(int fd, const void *octets, size_t size, int flags)
+{
+    static __typeof__(&send) really;
+
+    if (really == NULL) {
+        really = NEXT(send);
+    }
+    touch(fd);
+    return really(fd, octets, size, flags);
 }
 
 /* ---- files and devices ---- */
@@ -179,21 +323,14 @@ static bool in_world(const char *path,
 
 static int open_device(const char *path)
 {
-    struct sockaddr_un address = {.sun_family = AF_UNIX};
-    int types[] = {SOCK_STREAM, SOCK_SEQPACKET}, fd;
+    int fd = connect_to(path, SOCK_STREAM);
 
-    snprintf(address.sun_path, sizeof(address.sun_path), "%s", path);
-    for (size_t i = 0; i < sizeof(types) / sizeof(types[0]); i++) {
-        fd = socket(AF_UNIX, types[i] | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
-        if (fd >= 0 && fd < FILES_MAX &&
-            connect(fd, (struct sockaddr *)&address, sizeof(address)) == 0) {
-            self.is_device[fd] = true;
-            return fd;
-        }
-        close(fd);
+    if (fd < 0 || fd >= FILES_MAX || fcntl(fd, F_SETFL, O_NONBLOCK) < 0) {
+        errno = ENOENT; /* it was unplugged */
+        return -1;
     }
-    errno = ENOENT; /* it was unplugged */
-    return -1;
+    self.kind[fd] = FILE_DEVICE;
+    return fd;
 }
 
 static bool is_of_any_machine(const char *path)
@@ -225,15 +362,65 @@ int open(const char *path, int flags, ...)
 
 static bool is_device(int fd)
 {
-    return fd >= 0 && fd < FILES_MAX && self.is_device[fd];
+    return kind_of(fd) == FILE_DEVICE;
 }
 
 int close(int fd)
 {
-    if (is_device(fd)) {
-        self.is_device[fd] = false;
+    touch(fd);
+    if (fd >= 0 && fd < FILES_MAX) {
+        self.kind[fd] = FILE_UNKNOWN;
     }
     return NEXT(close)(fd);
+}
+
+/* A socket's name below the root, where its folder is there. */
+static socklen_t name_in_world(const struct sockaddr_un *name, struct sockaddr_un *found)
+{
+    char folder[sizeof(name->sun_path)], inside[sizeof(name->sun_path)];
+    const char *slash = strrchr(name->sun_path, '/');
+    struct stat status;
+
+    *found = *name;
+    if (name->sun_family == AF_UNIX && slash != NULL && slash != name->sun_path) {
+        snprintf(folder, sizeof(folder), "%.*s", (int)(slash - name->sun_path), name->sun_path);
+        if (in_world(folder, inside, &status) &&
+            strlen(inside) + strlen(slash) < sizeof(found->sun_path)) {
+            strcpy(stpcpy(found->sun_path, inside), slash);
+        }
+    }
+    return sizeof(*found);
+}
+
+int bind(int fd, const struct sockaddr *name, socklen_t size)
+{
+    struct sockaddr_un found;
+
+    if (name->sa_family != AF_UNIX) {
+        return NEXT(bind)(fd, name, size);
+    }
+    size = name_in_world((const struct sockaddr_un *)(const void *)name, &found);
+    return NEXT(bind)(fd, (struct sockaddr *)&found, size);
+}
+
+int connect(int fd, const struct sockaddr *name, socklen_t size)
+{
+    struct sockaddr_un found;
+
+    touch(fd);
+    if (name->sa_family != AF_UNIX) {
+        return NEXT(connect)(fd, name, size);
+    }
+    size = name_in_world((const struct sockaddr_un *)(const void *)name, &found);
+    return NEXT(connect)(fd, (struct sockaddr *)&found, size);
+}
+
+int unlink(const char *path)
+{
+    char found[sizeof(((struct sockaddr_un *)0)->sun_path)];
+    struct stat status;
+
+    return NEXT(unlink)(in_world(path, found, &status) ? found : path);
 }
 
 int tcgetattr(int fd, struct termios *termios)

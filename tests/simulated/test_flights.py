@@ -82,7 +82,7 @@ def test_the_same_seed_gives_the_same_octets(make_flight):
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
 @pytest.mark.parametrize("seed", range(1, 6))
 def test_it_is_on_the_air_again(make_flight, fault, seed):
-    flight = make_flight(seed=seed)
+    flight = make_flight(seed=seed, kept=fault.kept)
     flight.harm(fault, AT_S, BACK_S - AT_S)
     flight.fly(FLIGHT_S)
     assert broken_laws(flight, FLIGHT_S) == []

@@ -1,5 +1,6 @@
 """Ten hours of flights through random faults. Among the seeds are those that once broke a law: without the Wi-Fi element's
-number given back (1, 9, 10, 11), and with whose turn it is counted by the grid (each one that is late)."""
+number given back (1, 9, 10, 11), with whose turn it is counted by the grid (each one that is late), with Bluetooth 5's packs
+bound to the grid's even slots (7), and with the counters begun anew after a restart (each one that is kept)."""
 
 import pytest
 

@@ -1,7 +1,7 @@
 /*
  * odid-daemon: wires the modules together. Data flows one way:
  *
- *   link -> telemetry -> aircraft -> messages -> schedule -> radios
+ *   link -> telemetry -> aircraft -> broadcast -> radios
  *
  * and status and pilot listen to all of them.
  */
@@ -17,18 +17,17 @@
 #include "aircraft.h"
 #include "alive.h"
 #include "bluetooth.h"
+#include "broadcast.h"
 #include "health.h"
 #include "kept.h"
 #include "link.h"
 #include "log.h"
 #include "loop.h"
-#include "messages.h"
 #include "options.h"
 #include "pilot.h"
 #include "radio.h"
 #include "rfkill.h"
 #include "sandbox.h"
-#include "schedule.h"
 #include "status.h"
 #include "telemetry.h"
 #include "wifi_beacon.h"
@@ -54,13 +53,10 @@ static struct {
     struct telemetry *telemetry;
     struct aircraft *aircraft;
     struct radio radios[CHANNELS];
-    struct schedule schedule;
-    struct messages_counters counters, counters_before; /* the last payload */
-    struct messages_counter extended_counter, extended_before, beacon_counter, beacon_before;
     struct pilot pilot;
     struct status_lateness lateness;
     struct kept kept; /* as it is in its file */
-    struct loop_timer slot, look;
+    struct loop_timer look;
     struct loop_watch signals;
     int64_t start_us, look_us, tell_us, ask_us, ask_wait_us;
     bool told_fault;
@@ -91,67 +87,6 @@ static void on_update(void *context, const struct telemetry_update *update, int6
 {
     (void)context;
     aircraft_update(self.aircraft, update, now_us);
-}
-
-/* ---- out: aircraft -> messages -> radios, by the schedule ---- */
-
-static void send_packs(const struct aircraft_view *view, bool location_slot, int64_t now_us)
-{
-    uint8_t pack[MESSAGES_PACK_SIZE], data[MESSAGES_ELEMENT_SIZE];
-    size_t pack_size = messages_pack(view, pack), size;
-
-    if (config()->wifi_beacon_enabled) {
-        if (wifi_beacon_waits()) {
-            self.beacon_counter = self.beacon_before;
-        }
-        self.beacon_before = self.beacon_counter;
-        size = messages_element(&self.beacon_counter, pack, pack_size, data);
-        wifi_beacon_set(data, size, now_us);
-    }
-    /* Long range advertises every 200 ms: a pack stays set for longer than that. */
-    if (config()->bt5_enabled && location_slot) {
-        if (bluetooth_waits(CHANNEL_BT5)) {
-            self.extended_counter = self.extended_before;
-        }
-        self.extended_before = self.extended_counter;
-        size = messages_extended(&self.extended_counter, pack, pack_size, data);
-        bluetooth_set_extended(data, size, now_us);
-    }
-}
-
-/* What waits for a controller that is late, or came late to it, was not on the air: its message has
- * its turn again, and its counter doesn't step for it. */
-static void take_back_what_waits(void)
-{
-    if (config()->bt4_enabled && bluetooth_waits(CHANNEL_BT4)) {
-        schedule_withdraw(&self.schedule);
-        self.counters = self.counters_before;
-    }
-    self.counters_before = self.counters;
-}
-
-static void on_slot(void *context, int64_t now_us)
-{
-    struct aircraft_view view;
-    struct schedule_entry entry;
-    unsigned available[MESSAGE_TYPES];
-    uint8_t data[MESSAGES_LEGACY_SIZE];
-    bool location_slot = self.schedule.slot % 2 == 0;
-
-    (void)context;
-    take_back_what_waits();
-    aircraft_view(self.aircraft, now_us, &view);
-    for (enum message_type type = 0; type < MESSAGE_TYPES; type++) {
-        available[type] = messages_available(&view, type);
-    }
-    entry = schedule_next(&self.schedule, now_us, available);
-    status_lateness_add(&self.lateness, entry.late_us, entry.skipped);
-    if (config()->bt4_enabled &&
-        messages_legacy(&self.counters, &view, entry.type, entry.index, data)) {
-        bluetooth_set_legacy(data, now_us);
-    }
-    send_packs(&view, location_slot, now_us);
-    loop_arm(&self.slot, entry.until_us);
 }
 
 /* ---- back: status and pilot ---- */
@@ -330,10 +265,8 @@ static void start_modules(int64_t now_us)
     bluetooth_start(config(), &self.radios[CHANNEL_BT4], &self.radios[CHANNEL_BT5], now_us);
     wifi_beacon_start(config(), &self.radios[CHANNEL_WIFI], now_us);
     link_start(config(), on_bytes, on_stream_reset, NULL, now_us);
-    loop_timer_init(&self.slot, on_slot, NULL);
     loop_timer_init(&self.look, on_look, NULL);
-    schedule_start(&self.schedule, now_us);
-    loop_arm(&self.slot, now_us);
+    broadcast_start(config(), self.aircraft, &self.lateness, now_us);
     loop_arm(&self.look, now_us);
     alive_start(now_us);
 }

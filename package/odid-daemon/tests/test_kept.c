@@ -8,6 +8,7 @@
 
 #include <errno.h>
 #include <math.h>
+#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -16,7 +17,7 @@
 #include "kept.h"
 
 static char directory[] = "/tmp/odid-kept-XXXXXX";
-static char path[64];
+static char path[64], counters_path[64];
 
 static int make_directory(void **state)
 {
@@ -25,6 +26,7 @@ static int make_directory(void **state)
         return -1;
     }
     snprintf(path, sizeof(path), "%s/kept", directory);
+    snprintf(counters_path, sizeof(counters_path), "%s/counters", directory);
     return 0;
 }
 
@@ -32,6 +34,7 @@ static int remove_directory(void **state)
 {
     (void)state;
     unlink(path);
+    unlink(counters_path);
     return rmdir(directory);
 }
 
@@ -121,6 +124,83 @@ static void a_directory_that_is_gone_is_an_error(void **state)
     assert_int_equal(out.vehicle, 0);
 }
 
+/* ---- counters ---- */
+
+static const struct kept_counters some = {
+    .legacy.legacy = {[MESSAGE_BASIC_ID] = {.value = 255, .used = true, .content_hash = 1},
+                      [MESSAGE_OPERATOR_ID] = {.value = 7, .used = true, .content_hash = 2}},
+    .extended = {.value = 128, .used = true, .content_hash = 0x12345678},
+    .beacon = {.value = 3, .used = true, .content_hash = UINT32_MAX},
+};
+
+static bool same(const struct messages_counter *a, const struct messages_counter *b)
+{
+    return a->value == b->value && a->used == b->used && a->content_hash == b->content_hash;
+}
+
+static void assert_same(const struct kept_counters *a, const struct kept_counters *b)
+{
+    for (unsigned type = 0; type < MESSAGE_TYPES; type++) {
+        assert_true(same(&a->legacy.legacy[type], &b->legacy.legacy[type]));
+    }
+    assert_true(same(&a->extended, &b->extended));
+    assert_true(same(&a->beacon, &b->beacon));
+}
+
+static void counters_go_on(void **state)
+{
+    static const struct kept_counters none, more = {.beacon = {.value = 4, .used = true}};
+    struct kept_counters out = some;
+    int fd;
+
+    (void)state;
+    unlink(counters_path);
+    fd = kept_counters_open(directory, &out);
+    assert_true(fd >= 0);
+    assert_same(&out, &none);
+    assert_int_equal(kept_counters_write(fd, &more), 0);
+    assert_int_equal(kept_counters_write(fd, &some), 0); /* the newest ones count */
+    close(fd);
+    fd = kept_counters_open(directory, &out);
+    assert_true(fd >= 0);
+    assert_same(&out, &some);
+    close(fd);
+}
+
+static void counters_of_half_a_file_begin_anew(void **state)
+{
+    static const struct kept_counters none;
+    struct kept_counters out;
+    int fd = kept_counters_open(directory, &out);
+
+    (void)state;
+    assert_int_equal(kept_counters_write(fd, &some), 0);
+    close(fd);
+    assert_int_equal(truncate(counters_path, 47), 0);
+    fd = kept_counters_open(directory, &out);
+    assert_same(&out, &none);
+    assert_int_equal(kept_counters_write(fd, &some), 0); /* and are kept from then on */
+    close(fd);
+    fd = kept_counters_open(directory, &out);
+    assert_same(&out, &some);
+    close(fd);
+}
+
+static void counters_that_cannot_be_kept_begin_anew(void **state)
+{
+    static const struct kept_counters none;
+    struct kept_counters out = some;
+
+    (void)state;
+    assert_int_equal(kept_counters_open("/nonexistent", &out), -ENOENT);
+    assert_same(&out, &none);
+    unlink(counters_path);
+    assert_int_equal(symlink("/dev/null", counters_path), 0);
+    assert_int_equal(kept_counters_open(directory, &out), -ELOOP);
+    unlink(counters_path);
+    assert_int_equal(kept_counters_write(-1, &some), -EBADF);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -128,6 +208,9 @@ int main(void)
         cmocka_unit_test(a_finished_flights_point_is_gone),
         cmocka_unit_test(nonsense_is_unknown),
         cmocka_unit_test(a_directory_that_is_gone_is_an_error),
+        cmocka_unit_test(counters_go_on),
+        cmocka_unit_test(counters_of_half_a_file_begin_anew),
+        cmocka_unit_test(counters_that_cannot_be_kept_begin_anew),
     };
 
     return cmocka_run_group_tests(tests, make_directory, remove_directory);

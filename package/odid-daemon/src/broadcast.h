@@ -1,0 +1,21 @@
+/*
+ * What is known of the aircraft, as messages on the channels, at the
+ * schedule's slots.
+ *
+ * The counters are those of what a radio took: a payload that was given and
+ * never accepted, because one of the two was late, gives its number back.
+ */
+#ifndef ODID_BROADCAST_H
+#define ODID_BROADCAST_H
+
+#include <stdint.h>
+
+#include "aircraft.h"
+#include "config.h"
+#include "status.h"
+
+/* Starts the first slot. All three outlive it; lateness counts how late the slots are. */
+void broadcast_start(const struct config *config, const struct aircraft *aircraft,
+                     struct status_lateness *lateness, int64_t now_us);
+
+#endif

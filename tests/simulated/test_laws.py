@@ -1,0 +1,65 @@
+"""The laws see what they are there for: a flight to which harm was done breaks each of them, where what was done is forgotten."""
+
+import pytest
+from host.flight import write_flight
+
+from .faults import FAULTS
+from .flight import Flight
+from .laws import broken_laws
+
+FLIGHT_S = 120
+BROKEN = {
+    "no newer position": ("bt4: no newer position", "bt5: no newer position", "wifi: no newer position"),
+    "no other message": ("bt4: no basic_id", "bt4: no system", "bt4: no operator_id", "bt4: no self_id", "bt5: no system"),
+    "told that it is bad": ('"Bluetooth 4 not on the air: absent"', '"no heartbeat from the autopilot"'),
+    "not told": ("no ARM_STATUS",),
+    "recorded gaps": ("bt4: the flight record has a gap", "wifi: the flight record has a gap")}
+
+
+@pytest.fixture(scope="module")
+def harmed(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("laws")
+    write_flight(folder / "flight.tlog", FLIGHT_S + 10)
+    flight, by_name = Flight(folder / "flight", folder / "flight.tlog", seed=3, kept=True), {one.name: one for one in FAULTS}
+    for at_s, name in ((30, "controller_unplugged"), (60, "autopilot_unplugged"), (90, "daemon_hangs")):
+        flight.harm(by_name[name], at_s, 4)
+    flight.fly(FLIGHT_S)
+    yield flight
+    flight.end()
+
+
+def test_with_what_was_done_they_hold(harmed):
+    assert broken_laws(harmed, FLIGHT_S) == []
+
+
+@pytest.mark.parametrize("sentences", BROKEN.values(), ids=BROKEN)
+def test_without_it_each_is_broken(harmed, sentences, monkeypatch):
+    monkeypatch.setattr(harmed, "windows", [])
+    broken = broken_laws(harmed, FLIGHT_S)
+    for sentence in sentences:
+        assert any(one.startswith(sentence) for one in broken), sentence
+
+
+def test_good_is_not_believed_where_nothing_was_heard(harmed, monkeypatch):
+    """As by a daemon that says that all is well whatever happens."""
+    monkeypatch.setattr(harmed.autopilot, "said", [one._replace(good=True) for one in harmed.autopilot.said])
+    assert any('"good to arm"' in one for one in broken_laws(harmed, FLIGHT_S))
+
+
+def test_a_gap_that_is_not_in_the_record_is_missed(harmed, monkeypatch):
+    record = harmed.record()
+    record["events"] = [one for one in record["events"] if one["event"] != "gap"]
+    monkeypatch.setattr(harmed, "record", lambda: record)
+    assert any("the flight record doesn't say so" in one for one in broken_laws(harmed, FLIGHT_S))
+
+
+def test_what_it_costs_is_seen(harmed, monkeypatch):
+    daemon = harmed.world.called("odid-daemon")
+    monkeypatch.setattr(harmed, "costs_at_first", (daemon.pid, 3, 100))
+    broken = broken_laws(harmed, FLIGHT_S)
+    assert any("descriptors" in one for one in broken) and any("KiB of memory" in one for one in broken)
+
+
+def test_a_clock_that_is_off_is_seen(harmed, monkeypatch):
+    monkeypatch.setattr(harmed.world, "realtime_us", harmed.world.realtime_us + 5_000_000)
+    assert any("clock is 5.0 s off" in one for one in broken_laws(harmed, FLIGHT_S))

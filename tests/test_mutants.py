@@ -1,0 +1,40 @@
+"""What `make mutants` puts into the daemon can still be put in."""
+
+from mutants.named import NAMED
+from mutants.places import places
+from mutants.run import put_in
+from mutants.survivors import SURVIVORS
+from mutants.trial import SOURCE
+
+
+def test_each_named_one_changes_its_file():
+    assert len({one.name for one in NAMED}) == len(NAMED) >= 25
+    for mutant in NAMED:
+        assert put_in(mutant) != (SOURCE / "src" / mutant.file).read_text()
+
+
+def test_each_survivor_is_still_there():
+    for one in SURVIVORS:
+        lines = [line.strip() for line in (SOURCE / "src" / one.file).read_text().splitlines()]
+        assert one.line in lines and one.before in one.line, one
+
+
+def test_what_can_be_changed_is_found(tmp_path):
+    source = tmp_path / "some.c"
+    source.write_text("""
+#define WAIT_US 250 /* 9 */
+static int some(int a)
+{
+    log_warning("1 %d", a + 1); /* a == 2 */
+    if (a < 3 && !other(a)) {
+        call(a);
+    }
+    return a - 0x10;
+}
+""")
+    found = {(place.line, place.before, place.after) for place in places(source, "some.c")}
+    assert found == {
+        (2, "250", "251"), (2, "250", "249"),
+        (6, "<", "<="), (6, "<", ">="), (6, "3", "4"), (6, "3", "2"), (6, "&&", "||"), (6, "!other(a)", "other(a)"),
+        (6, "(a < 3 && !other(a))", "(!((a < 3 && !other(a))))"),
+        (7, "call(a);", ";"), (9, "-", "+"), (9, "0x10", "0x11")}
