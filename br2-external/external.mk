@@ -26,6 +26,11 @@ define ODID_BUSYBOX_CONFIG
 endef
 PACKAGES_BUSYBOX_CONFIG_FIXUPS += $(ODID_BUSYBOX_CONFIG)$(sep)
 
+# --- Updates come by HTTP and HTTPS --------------------------------------------
+
+# Who names an address, an update server's answer included, doesn't read this board's files by it.
+LIBCURL_CONF_OPTS += --disable-file --disable-ftp
+
 # --- No trace of the folder it was built in ------------------------------------
 
 # Libtool and CMake link with the build folder as search path and take it out again, when they install or Buildroot's

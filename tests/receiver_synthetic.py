@@ -100,6 +100,14 @@ def fix_at(number: int) -> dict:
             "vz": -round((up_2 - up_1) * 1000), "hdg": 65535}
 
 
+def native_at(number: int) -> dict:
+    fix = fix_at(number)
+    return {"latitude": fix["lat"], "longitude": fix["lon"], "height": fix["alt"] / 1000 - TAKE_OFF_ALTITUDE_M,
+            "altitude_geodetic": fix["alt"] / 1000 + UNDULATION_M, "speed_vertical": -fix["vz"], "direction": 36100,
+            "speed_horizontal": round(math.hypot(fix["vx"], fix["vy"])), "horizontal_accuracy": 11,
+            "timestamp": (FLIGHT_UNIX_S + fix["time_boot_ms"] / 1000 - BOOT_AHEAD_S) % 3600}
+
+
 def encode_fix(fix: dict, **changes) -> bytes:
     speed = math.hypot(fix["vx"], fix["vy"]) / 100
     values = {"direction_deg": math.degrees(math.atan2(fix["vy"], fix["vx"])) % 360, "speed_m_s": speed,
@@ -109,8 +117,10 @@ def encode_fix(fix: dict, **changes) -> bytes:
     return location(changes.pop("lat", fix["lat"]), changes.pop("lon", fix["lon"]), **{**values, **changes})
 
 
-def played_log(seconds: float, gap: tuple[float, float] | None = None) -> list[dict]:
-    """What the flight player would have written: positions at 5 Hz, a take-off before them."""
+def played_log(seconds: float, gap: tuple[float, float] | None = None, no_fix_from: float = math.inf,
+               native_s: float | None = None) -> list[dict]:
+    """What the flight player would have written: positions at 5 Hz, a take-off before them.
+    native_s: at which interval the same positions also come as native messages."""
     def row(t, name, **fields):
         return {"time": START_TIME + t, "mono": START_MONO + t, "type": name, **fields}
 
@@ -120,10 +130,11 @@ def played_log(seconds: float, gap: tuple[float, float] | None = None) -> list[d
     zero = {**fix_at(0), "alt": round(TAKE_OFF_ALTITUDE_M * 1000), "relative_alt": 0,
             "time_boot_ms": round((BOOT_AHEAD_S - 2) * 1000)}
     rows = [row(-3.0, "SYSTEM_TIME", time_unix_usec=unix_us(-3), time_boot_ms=round((BOOT_AHEAD_S - 3) * 1000)),
-            row(-2.5, "GPS_RAW_INT", fix_type=3, alt=40000, alt_ellipsoid=round(40000 + UNDULATION_M * 1000)),
             row(-2.2, "HEARTBEAT", autopilot=3, base_mode=81, system_status=3),
             row(-2.0, **{"name": "GLOBAL_POSITION_INT"}, **{k: v for k, v in zero.items() if k != "type"}),
             row(-1.5, "HEARTBEAT", autopilot=3, base_mode=81 | 128, system_status=4)]
+    rows[:0] = [row(t, "GPS_RAW_INT", fix_type=3 if t < no_fix_from else 1, alt=40000, alt_ellipsoid=round(40000 + UNDULATION_M * 1000))
+                for t in range(-6, math.ceil(seconds) + 1)]
     for number in range(round(seconds / FIX_PERIOD_S) + 1):
         t = number * FIX_PERIOD_S
         if number % 5 == 0:
@@ -131,7 +142,10 @@ def played_log(seconds: float, gap: tuple[float, float] | None = None) -> list[d
         if not (gap and gap[0] < t < gap[1]):
             fix = fix_at(number)
             rows.append(row(t, fix.pop("type"), **fix))
-    return rows
+    if native_s is not None:
+        rows += [row(t, "OPEN_DRONE_ID_LOCATION", **native_at(round(t / FIX_PERIOD_S)))
+                 for t in (n * native_s for n in range(int(seconds / native_s)))]
+    return sorted(rows, key=lambda one: one["mono"])
 
 
 # --- transmitter -----------------------------------------------------------
@@ -140,6 +154,7 @@ def played_log(seconds: float, gap: tuple[float, float] | None = None) -> list[d
 class Faults:
     """Hooks; each gets what would be right and returns what is sent instead."""
     location: Callable[[dict, float], bytes] | None = None  # fix, seconds -> message
+    system: Callable[[float], bytes] | None = None  # seconds -> message
     advertising: Callable[[bytes, float], bytes] | None = None  # legacy advertising data
     pack: Callable[[list[bytes]], bytes] | None = None  # messages in order -> body
     extended: Callable[[bytes], bytes] | None = None  # extended advertising data
@@ -174,7 +189,7 @@ class Transmitter:
             fix = fix_at(max(0, choose(t)))
             return self.faults.location(fix, t) if self.faults.location else encode_fix(fix)
         if name == "system":
-            return system(FLIGHT_UNIX_S + t)
+            return self.faults.system(t) if self.faults.system else system(FLIGHT_UNIX_S + t)
         return {"basic_id": basic_id, "operator_id": operator_id, "self_id": self_id}[name]()
 
     def counter(self, key: str, body: bytes) -> int:

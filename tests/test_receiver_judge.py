@@ -318,3 +318,92 @@ def test_jump():
     run, _ = transmit(channels=("bt4",), faults=Faults(
         location=lambda fix, t: encode_fix(fix, lat=fix["lat"] + (20000 if t > 6 else 0))))
     assert kinds(run)["plausibility.jump"] == 1
+
+
+def flight(tmp_path, **options):
+    path = tmp_path / "played.jsonl"
+    path.write_text("".join(json.dumps(row) + "\n" for row in air.played_log(20, **options)))
+    return read_flight_log(path)
+
+
+@pytest.mark.parametrize("latitude_e7, longitude_e7", [(10000, -10000), (1, 7)])
+def test_a_place_near_zero_is_none(latitude_e7, longitude_e7):
+    run, _ = transmit(channels=("bt4",), faults=Faults(
+        system=lambda t: air.system(air.FLIGHT_UNIX_S + t, latitude_e7, longitude_e7)))
+    assert set(kinds(run)) == {"system.nowhere"}
+    run, _ = transmit(channels=("bt4",), faults=Faults(
+        location=lambda fix, t: encode_fix(fix, lat=latitude_e7, lon=longitude_e7, speed_m_s=0)))
+    assert "location.nowhere" in kinds(run)
+
+
+def test_vertical_speed_is_right_whichever_way_the_autopilot_sends_it(tmp_path):
+    rows = air.played_log(20)
+    for row in rows:
+        row["vz"] = -row.get("vz", 0)
+    path = tmp_path / "played.jsonl"
+    path.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    log = read_flight_log(path)
+    assert log.vertical_inverted and not flight(tmp_path).vertical_inverted
+    run, _ = transmit(channels=("bt4",), seconds=18)
+    judgement = judge(run, Options(), log)
+    assert judgement.verdict == "PASS" and any("upside down" in note for note in judgement.findings.notes)
+    run, _ = transmit(channels=("bt4",), seconds=18,
+                      faults=Faults(location=lambda fix, t: encode_fix(fix, vertical_m_s=fix["vz"] / 100)))
+    assert kinds(run, log=log)["played.vertical_speed"] > 10
+
+
+def test_system_time_that_stands_still_or_is_another():
+    run, _ = transmit(channels=("bt4",), faults=Faults(system=lambda t: air.system(1546300800 + 5)))
+    assert kinds(run)["system.frozen"] == 1
+
+
+@pytest.mark.parametrize("ahead_s, wrong", [(0, False), (2, False), (39600, True), (-3600, True), (None, True)])
+def test_system_time_against_the_autopilots(flight_log, ahead_s, wrong):
+    run, _ = transmit(channels=("bt4",), faults=Faults(
+        system=lambda t: air.system(1546300800 if ahead_s is None else air.FLIGHT_UNIX_S + t + ahead_s)))
+    assert ("played.system_time" in kinds(run, log=flight_log)) == wrong
+
+
+def test_a_position_without_a_fix(tmp_path):
+    """GNSS is lost after 8 s, the estimator goes on: right is the last position with status 4 from 3.5 s on."""
+    log = flight(tmp_path, no_fix_from=8)
+
+    def right(fix, t):
+        return encode_fix(fix, status=4 if t > 11.2 else 2)
+
+    run, _ = transmit(channels=("bt4",), seconds=16, faults=Faults(
+        fix_number=lambda t: min(39, int((t - 0.01) / 0.2)), location=right))
+    assert kinds(run, log=log) == {}
+    run, _ = transmit(channels=("bt4",), seconds=16)
+    assert kinds(run, log=log)["played.fix"] > 10
+    run, _ = transmit(channels=("bt4",), seconds=16, faults=Faults(fix_number=lambda t: min(39, int((t - 0.01) / 0.2))))
+    assert set(kinds(run, log=log)) == {"played.status"}
+
+
+def test_a_renewal_in_just_over_a_second_is_no_gap_of_the_log(flight_log):
+    """Who takes 1.04 s for each, beside telemetry at 5 Hz."""
+    run, _ = transmit(channels=("bt4",), faults=Faults(
+        schedule=lambda seconds: [(slot * 0.26, "location") for slot in range(int(seconds / 0.26))],
+        fix_number=lambda t: int(int((t + 0.01) / 1.04) * 1.04 / 0.2)))
+    assert kinds(run, log=flight_log)["interval.content"] > 3
+
+
+def test_native_once_a_second_beside_telemetry_at_5_hz(tmp_path):
+    """Who shows the native ones only isn't excused by the log's having no newer native one."""
+    log = flight(tmp_path, native_s=1.2)
+    run, _ = transmit(channels=("bt4",))
+    assert kinds(run, log=log) == {}
+    run, _ = transmit(channels=("bt4",), faults=Faults(fix_number=lambda t: int((t - 0.01) / 1.2) * 6))
+    found = kinds(run, log=log)
+    assert found["interval.content"] > 3 and "played.stale" in found
+
+
+def test_a_geodetic_altitude_that_is_never_known_is_noted():
+    run, _ = transmit(channels=("bt4",), faults=Faults(location=lambda fix, t: encode_fix(fix, geodetic_m=None)))
+    judgement = judge(run, Options())
+    assert judgement.verdict == "PASS" and any("geodetic altitude" in note for note in judgement.findings.notes)
+
+
+def test_a_height_that_stands_still():
+    run, _ = transmit(channels=("bt4",), seconds=20, faults=Faults(location=lambda fix, t: encode_fix(fix, height_m=0)))
+    assert set(kinds(run)) == {"plausibility.height"}

@@ -23,6 +23,7 @@ NONE_S = 0.5  # no gap: what the bar allows between two positions without any fa
 OTHERS_S = 1.0  # on channels that the fault has nothing to do with
 TO_FIRST_S = {"bt4": 4.0, "bt5": 4.0, "wifi": 5.0}  # from init to the first message
 POSITION_S = 2.0  # from the autopilot's port to its first position on the air
+FIX_SAID_S = 0.5  # the played flight says GPS_RAW_INT twice a second: a fix from before is none any more
 TOLD_S = 3.0
 FOREIGN_DISABLE = "3920020000"  # LE Set Extended Advertising Enable: off, all sets
 
@@ -42,8 +43,8 @@ class Fault:
     limit_s: float
     inject: Callable
     channels: tuple = CHANNELS
-    watch_s: float = 2.0  # beyond the limit
-    undo: str = ""  # a command, when it was watched long enough
+    watch_s: float = 1.0  # beyond the limit
+    undo: Callable = lambda machine: None  # when it was watched long enough
 
 
 @dataclass(frozen=True)
@@ -140,6 +141,20 @@ def replugged(machine):
     return Injected(at, back, [] if new != old else [f"the port came back under its old number, {new[0]}"])
 
 
+def wrong_port(machine):
+    """Another adapter is plugged in, and is the only one for a while: the router takes it, for want of a better one."""
+    machine.plug_another()
+    time.sleep(5)  # it stays where it is, and where that is is kept
+    at = time.monotonic()
+    machine.unplug()
+    machine.wait_inside("the other port to be taken", "read -r port </run/mavlink-router.port && [ -e $port ]"
+                        " && pidof mavlink-routerd")
+    time.sleep(1.5)  # nobody is quicker at it
+    machine.plug()
+    back = machine.wait_inside("the port", "[ $(ls -d /dev/ttyUSB* | wc -l) = 2 ]")
+    return Injected(at, back)
+
+
 def told(machine, since):
     """Whether status and pilot were told of the silence in time: what was late."""
     time.sleep(max(0.0, since + TOLD_S - time.monotonic()))
@@ -204,7 +219,9 @@ def everything(machine):
         chance.shuffle(pids)
         killed += len(pids)
         machine.must(f"kill -KILL {' '.join(map(str, pids))} 2>/dev/null; true")
-        time.sleep(7)
+        time.sleep(1)   # what is said before is of those that were killed
+        machine.wait_on_air(position=True)
+        time.sleep(1)
     return Injected(at, problems=[] if killed > 100 else [f"only {killed} processes were found to be killed"])
 
 
@@ -220,7 +237,7 @@ def clock(machine):
     at = time.monotonic()
     for when in ("@0", "@2100000000", "@1000000000"):
         machine.must(f"date -s {when}")
-        time.sleep(4)
+        time.sleep(2)
     return Injected(at)
 
 
@@ -228,7 +245,7 @@ def data_full(machine):
     at = time.monotonic()
     result = machine.run("dd if=/dev/zero of=/data/filler bs=64k")
     problems = [] if "No space" in result.output else [f"/data did not get full: {result.output}"]
-    time.sleep(8)
+    time.sleep(4)
     machine.must("rm /data/filler")
     return Injected(at, problems=problems)
 
@@ -236,7 +253,7 @@ def data_full(machine):
 def data_read_only(machine):
     at = time.monotonic()
     machine.must("mount -o remount,ro /data")
-    time.sleep(8)
+    time.sleep(4)
     machine.must("mount -o remount,rw /data")
     return Injected(at)
 
@@ -260,9 +277,11 @@ IN_FLIGHT = (
     Fault("rfkill_bluetooth", "Bluetooth blocked, later unblocked", 4, blocked("/sys/class/bluetooth/hci0/rfkill*"), BLUETOOTH),
     Fault("rfkill_wifi", "Wi-Fi blocked, later unblocked", 4, blocked("/sys/class/net/wlan0/phy80211/rfkill*"), WIFI),
     Fault("autopilot_replugged", "autopilot unplugged, back under another number", POSITION_S, replugged),
+    Fault("autopilot_wrong_port", "another serial adapter in the autopilot's place, then both", POSITION_S, wrong_port,
+          undo=lambda machine: machine.unplug_another()),
     # At once: what was sent goes out in the next slot.
-    Fault("autopilot_silent", "autopilot silent for 5 s", 0.6, silent),
-    Fault("autopilot_rebooted", "autopilot rebooted", 0.6, rebooted),
+    Fault("autopilot_silent", "autopilot silent for 5 s", 0.6 + FIX_SAID_S, silent),
+    Fault("autopilot_rebooted", "autopilot rebooted", 0.6 + FIX_SAID_S, rebooted),
     Fault("relay_sigkill", "mavlink relay killed", 2, kill("KILL", "mavlink-routerd")),
     Fault("load", "all CPU and memory taken", 0.6, load),
     Fault("clock_stepped", "wall clock stepped to 1970, 2036 and 2001", NONE_S, clock),
@@ -319,7 +338,8 @@ def without(name, what, take_away, give_back):
     def inject(machine):
         machine.must(take_away)
         return fault.inject(machine)
-    return replace(fault, what=f"{fault.what}, without {what}", inject=inject, undo=give_back)
+    return replace(fault, what=f"{fault.what}, without {what}", inject=inject,
+                   undo=lambda machine: machine.must(give_back))
 
 
 def stopped(process):

@@ -95,8 +95,10 @@ class Qmp:
 class Shell:
     """The control console: a root shell of the bench's, outside of the appliance's services."""
 
-    # A shell behind the line: neither echo nor prompts nor a line's length matter there.
-    TAKE_OVER = "stty raw -echo; echo 'BENCH: 'ready; cat | sh; exit"
+    # A shell behind the line: neither echo nor prompts nor a line's length matter there. To one that is there already it
+    # is said again when the machine was too slow to answer.
+    TAKE_OVER = "if [ -t 0 ]; then stty raw -echo; echo 'BENCH: 'ready; cat | sh; exit; else echo 'BENCH: 'ready; fi"
+    READY = rb"BENCH: ready\r?\n"
     ANSWER_S, READY_S = 0.3, 10  # then it is asked again: a machine that restarts forgets what it was told
 
     def __init__(self, path, alive=lambda: None):
@@ -107,9 +109,10 @@ class Shell:
             alive()
             self.send("")  # a prompt that came before we did is lost
             try:
-                self._until(rb"[#$] ", self.ANSWER_S)
-                self.send(self.TAKE_OVER)
-                self._until(rb"BENCH: ready\r?\n", self.READY_S)
+                _, answer = self._until(rb"[#$] |" + self.READY, self.ANSWER_S)
+                if answer[0] in (b"# ", b"$ "):
+                    self.send(self.TAKE_OVER)
+                    self._until(self.READY, self.READY_S)
             except TimeoutError:
                 return False
             return True
@@ -233,9 +236,10 @@ class Machine:
             "-device", "i6300esb", "-action", "watchdog=reset",
             "-device", "qemu-xhci,id=usb",
             "-chardev", f"socket,id=fc,path={self._sockets}/fc,server=on,wait=off",
+            "-chardev", "null,id=another",
         ]
         if adapter:
-            words += ["-device", "usb-serial,id=fc,chardev=fc,always-plugged=on"]
+            words += ["-device", "usb-serial,id=fc,chardev=fc,always-plugged=on,serial=AUTOPILOT"]
         if rtc:
             words += ["-rtc", f"base={rtc}"]
         if not radios:
@@ -267,7 +271,7 @@ class Machine:
 
     def wait_shell(self):
         self.shell = Shell(self._sockets / "control", self._still_booting)
-        self._uptime_to_mono_s = None
+        self._uptime_to_mono_s = self._kernel_s = None
 
     def _still_booting(self):
         if self.qemu.process.poll() is not None:
@@ -386,10 +390,12 @@ class Machine:
     def kernel_s(self):
         """The kernel's seconds, from its own start to init's: what the kernel says of it, or the bench's
         initial file system (guest/init) on its behalf."""
-        match = re.search(r"^\[ *([\d.]+)\] Run /sbin/init as init process", self.must("dmesg"), re.M)
-        if not match:
-            raise RuntimeError("the kernel's log does not say when init was started")
-        return float(match[1])
+        if self._kernel_s is None:  # later its log may have lost that line
+            match = re.search(r"^\[ *([\d.]+)\] Run /sbin/init as init process", self.must("dmesg"), re.M)
+            if not match:
+                raise RuntimeError("the kernel's log does not say when init was started")
+            self._kernel_s = float(match[1])
+        return self._kernel_s
 
     def port_mono(self):
         """time.monotonic() at which the autopilot's port was there, for the last time."""
@@ -420,9 +426,18 @@ class Machine:
         self.qmp.command("device_del", id="fc")
 
     def plug(self):
-        self.qmp.command("device_add", driver="usb-serial", id="fc", chardev="fc", **{"always-plugged": True})
+        self.qmp.command("device_add", driver="usb-serial", id="fc", chardev="fc", serial="AUTOPILOT",
+                         **{"always-plugged": True})
         if self.player:
             self.player.order("resume")
+
+    def plug_another(self):
+        """A serial adapter without an autopilot behind it."""
+        self.qmp.command("device_add", driver="usb-serial", id="another", chardev="another", serial="ANOTHER",
+                         **{"always-plugged": True})
+
+    def unplug_another(self):
+        self.qmp.command("device_del", id="another")
 
     def answers(self):
         """What came back to the autopilot."""

@@ -46,12 +46,12 @@ class Outcome:
 
 
 @functools.cache
-def tool():
-    """tools/fault.c for the machine."""
+def tool(name="fault"):
+    """A program of tools/, for the machine."""
     with tempfile.TemporaryDirectory() as folder:
-        out = Path(folder, "fault")
+        out = Path(folder, name)
         subprocess.run(["aarch64-linux-gnu-gcc", "-static", "-Os", "-s", "-Wall", "-Wextra", "-Werror", "-std=gnu11",
-                        "-o", out, parts.HERE.parent / "bench/tools/fault.c"], check=True)
+                        "-o", out, parts.HERE.parent / f"bench/tools/{name}.c"], check=True)
         return out.read_bytes()
 
 
@@ -89,8 +89,7 @@ class Run:
         injected = fault.inject(self.machine)
         mended = max(injected.at, injected.back or 0) + fault.limit_s + fault.watch_s
         time.sleep(max(0.0, mended - time.monotonic()))
-        if fault.undo:
-            self.machine.must(fault.undo)
+        fault.undo(self.machine)
         self.windows[fault.name] = injected, time.monotonic()
 
     def stop(self):

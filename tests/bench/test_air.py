@@ -116,7 +116,17 @@ def test_nothing_listens_that_need_not(flying):
 def test_the_filter_drops_what_comes_in(flying):
     rules = flying.must("nft list ruleset")
     assert "policy drop" in rules
-    assert "dport 14550" not in rules
+    assert "dport 14550" not in flying.must("nft list chain inet odid input")
+
+
+def test_only_mavlink_router_speaks_to_the_daemon(flying):
+    """By its user, which no other process has; and what it says arrives."""
+    assert "udp dport 14550 jump to_daemon" in flying.must("nft list chain inet odid output")
+    assert "meta skuid" in flying.must("nft list chain inet odid to_daemon")
+    assert "993" in flying.must("grep ^Uid /proc/$(pidof mavlink-routerd)/status")
+    before = flying.status()["mavlink"]["frames"]
+    flying.wait_for("what mavlink-router says", lambda: flying.status()["mavlink"]["frames"] > before)
+    assert flying.status()["link"]["senders"] == 1
 
 
 def test_no_root_writes_to_the_running_system(flying):

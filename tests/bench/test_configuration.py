@@ -57,6 +57,8 @@ WRONG = (
     Wrong("serial_number", changed("SSRS5GBG01", "SSRS9GBG01"), ("uas_id", "SSRS9GBG01", "9"), taken=True,
           uas_id="SSRS9GBG01"),
     Wrong("category", changed("category = open", "category = public"), ("category", "public", "open")),
+    Wrong("another_run_dir", added("daemon", "run_dir = /tmp/elsewhere\nuser = nobody"),
+          ("run_dir = /tmp/elsewhere", "for the appliance"), taken=True),
     # The file's form.
     Wrong("wrong_section", changed("[basic_id]", "[basicid]"), ("basicid",)),
     Wrong("unknown_key", changed("uas_id =", "uasid ="), ("uasid",)),

@@ -7,6 +7,7 @@ import pytest
 
 from . import flights
 from .conftest import GROUND, PASSWORD
+from .runs import tool
 from .test_air import BEACON, PROBE_RESPONSE, frames, pack, station
 
 CONNECTED = "CTRL-EVENT-CONNECTED"
@@ -47,6 +48,21 @@ def test_the_technician_gets_in_in_maintenance_and_out_after_it(maintenance):
     assert CONNECTED not in station(maintenance, PASSWORD)
     # At most two beacons lost, at its beginning and at its end.
     patience.promise("Wi-Fi's silence", longest_silence_s(maintenance, since), 3 * BEACON_S + 0.05)
+
+
+def test_a_crowd_of_invented_addresses_keeps_nobody_out(maintenance):
+    """Four authentication frames filled the access point for five minutes. These are 200 a minute."""
+    maintenance.must("odidctl maintenance on")
+    wait_maintenance(maintenance, "on")
+    maintenance.put("/tmp/crowd", tool("crowd"))
+    bssid = maintenance.must("cat /sys/class/net/wlan0/address").strip()
+    stations = "hostapd_cli -p /run/hostapd -i wlan0 all_sta | grep -c '^02:00:00:00:'; true"
+    maintenance.must(f"/tmp/crowd wlan1 {bssid} 20 10")     # at once
+    assert int(maintenance.must(stations)) > 4, "it isn't heard"
+    maintenance.shell.send(f"/tmp/crowd wlan1 {bssid} 120 300 >/tmp/crowd.log 2>&1 &")
+    maintenance.wait_for("its connection", lambda: CONNECTED in station(maintenance, PASSWORD))
+    maintenance.wait_inside("the crowd's end", "! pidof crowd")
+    maintenance.wait_inside("the end of its associations", f"[ $({stations}) = 0 ]")
 
 
 def test_the_password_is_not_kept(grounded):

@@ -1,14 +1,21 @@
 """The bench's own parts, without a machine."""
 
 import json
+import os
+import pty
+import re
+import signal
+import socket
 import struct
+import threading
+import time
 
 import pytest
-from host import tlog
+from host import parts, tlog
 from host.flight import write_flight
 
-from . import flights, gaps, runs, soak
-from .machine import configuration
+from . import flights, gaps, rights, runs, soak
+from .machine import Shell, configuration
 from .tap import HEADER, MAGIC, RECORD, Stream
 
 
@@ -108,6 +115,57 @@ def test_only_what_is_late_on_a_disturbed_machine_is_not_judged(gap_s, late, pro
     assert one.verdict == verdict and f"  {verdict}" in runs.table({"load": one}, ["load"]) + "  PASS"
 
 
+class SlowConsole:
+    """A shell on a line behind a UNIX socket, as QEMU has it, to which every word takes its time."""
+
+    def __init__(self, path, delay_s):
+        self.listener = socket.socket(socket.AF_UNIX)
+        self.listener.bind(str(path))
+        self.listener.listen()
+        self.pid, self.line = pty.fork()
+        if self.pid == 0:
+            os.execve("/bin/sh", ["sh", "-i"], {"PATH": os.environ["PATH"], "PS1": "# "})
+        self.delay_s, self.peer = delay_s, None
+        threading.Thread(target=self.listen, daemon=True).start()
+
+    def listen(self):
+        self.peer, _ = self.listener.accept()
+        threading.Thread(target=self.answer, daemon=True).start()
+        try:
+            while octets := self.peer.recv(65536):
+                time.sleep(self.delay_s)
+                os.write(self.line, octets)
+        except OSError:
+            pass  # the test is over
+
+    def answer(self):
+        try:
+            while octets := os.read(self.line, 65536):
+                self.peer.sendall(octets)
+        except OSError:
+            pass
+
+    def close(self):
+        os.kill(self.pid, signal.SIGKILL)
+        os.waitpid(self.pid, 0)
+        os.close(self.line)
+        self.listener.close()
+
+
+def test_a_console_that_answers_late_is_taken_over_all_the_same(tmp_path, monkeypatch):
+    """It was told a second time, by words that lay in its line already; then what was said next was lost between two shells."""
+    monkeypatch.setattr(Shell, "ANSWER_S", 0.05)
+    monkeypatch.setattr(Shell, "READY_S", 0.05)
+    console = SlowConsole(tmp_path / "console", 0.4)
+    try:
+        shell = Shell(tmp_path / "console")
+        for number in range(5):
+            assert shell.run(f"echo {number}; [ {number} != 3 ]") == (number == 3, f"{number}\n")
+        shell.close()
+    finally:
+        console.close()
+
+
 def samples(*descriptors):
     """One a minute, the first ones before anything is settled."""
     return [soak.Sample(60 * minute, {}, 6500, number, 300000, 364, 24) for minute, number in enumerate(descriptors)]
@@ -121,3 +179,130 @@ def samples(*descriptors):
 ])
 def test_what_grows_is_told_from_what_comes_and_goes(descriptors, grown):
     assert soak.growth(samples(*descriptors))["file_descriptors"] == grown
+
+
+# --- what processes may do ------------------------------------------------------------
+
+TABLE = """
+| process | there | user | groups | capabilities | bounding | filter | no new privs | listens | writes |
+|---|---|---|---|---|---|---|---|---|---|
+| `first` | always | root | root | all | all | no | no | - | all |
+| `second` | always | some | some, more | net_admin, net_raw | - | yes | yes | `udp 127.0.0.1:14550`, `unix /run/second-*` | all |
+| `third` | maintenance | root | root | all | all | no | no | `tcp *:80` | all |
+"""
+ALL = "000001ffffffffff"
+ROOT = {"Uid": "0\t0\t0\t0", "Gid": "0\t0\t0\t0", "Groups": " ", "CapPrm": ALL, "CapEff": ALL, "CapBnd": ALL,
+        "NoNewPrivs": "0", "Seccomp": "0"}
+SECOND = {"Uid": "7\t7\t7\t7", "Gid": "7\t7\t7\t7", "Groups": "7 8 ", "CapPrm": f"{0x3000:016x}",
+          "CapEff": f"{0x3000:016x}", "CapBnd": f"{0:016x}", "NoNewPrivs": "1", "Seccomp": "2"}
+UDP = "  1: {} 00000000:0000 07 00000000:00000000 00:00000000 00000000     7        0 {} 2 0 0"
+TCP = "  0: 00000000:{} 00000000:0000 0A 00000000:00000000 00:00000000 00000000     0        0 {} 1 0 100 0 0 10 0"
+UNIX = "0: 00000002 00000000 {} {} 01 {} {}"
+
+
+class Listing:
+    """What a machine says of itself; of it tests change one thing each."""
+
+    def __init__(self):
+        # By number: its command, its parent, what its threads' status says.
+        self.processes = {1: ("first", 0, [ROOT]), 2: ("", 0, [ROOT]), 3: ("", 2, [ROOT]),
+                          8: ("/bin/sh /etc/init.d/S05bench start", 1, [ROOT]), 9: ("other --word", 8, [ROOT]),
+                          20: ("/usr/bin/second -x", 1, [SECOND])}
+        self.holders = {101: 20, 102: 20, 103: 9}
+        self.sockets = {"udp": [UDP.format("0100007F:38D6", 101)],
+                        "unix": [UNIX.format("00010000", "0001", 102, "/run/second-5")], "tcp": [TCP.format("1F90", 103)]}
+
+    def second(self, **status):
+        self.processes[20] = ("/usr/bin/second -x", 1, [SECOND, SECOND | status])
+
+    def adds(self, pid, command, *sockets):
+        self.processes[pid] = (command, 1, [ROOT])
+        for kind, text in sockets:
+            inode = 200 + len(self.holders)
+            self.holders[inode] = pid
+            self.sockets.setdefault(kind, []).append(text.format(inode))
+
+    def text(self):
+        lines = ["@status"]
+        for pid, (_, parent, threads) in self.processes.items():
+            for number, thread in enumerate(threads):
+                status = {"State": "S (sleeping)", "PPid": str(parent), "CapInh": "0", "CapAmb": "0"} | thread
+                lines += [f"{pid}/task/{pid + number * 1000}/status:{key}:\t{value}" for key, value in status.items()]
+        lines += ["@cmdline"] + [f"{pid} {one[0]}" for pid, one in self.processes.items()] + ["@links"]
+        for pid in self.processes:
+            lines += [f"lrwxrwxrwx 1 0 Nov 23 17:34 {pid}/cwd -> /run/service/third", f"{pid}/fd:"]
+            lines += [f"lrwx------ 1 64 Nov 23 17:34 4 -> socket:[{inode}]"
+                      for inode, holder in self.holders.items() if holder == pid]
+        for kind in (*rights.NETWORKS, *rights.OTHERS, "unix"):
+            lines += [f"@{kind}", *self.sockets.get(kind, ())]
+        lines += ["@users", "root:x:0:0", "some:x:7:7", "@groups", "root:x:0:", "some:x:7:", "more:x:8:",
+                  "@capabilities", "40"]
+        return "\n".join(lines) + "\n"
+
+    def problems(self, *states):
+        return rights.differences(rights.table(TABLE), rights.snapshot(self.text()), {"always", *states})
+
+
+def test_processes_that_are_as_the_table_says():
+    listing = Listing()
+    assert listing.problems() == []
+    listing.adds(30, "/bin/sh ./run", ("tcp", TCP.format("0050", "{}")))
+    assert listing.problems("maintenance") == []
+
+
+DEVIATIONS = {
+    "unknown": (lambda one: one.adds(30, "fourth"), r"fourth \(process 30\): it has no row.*user: root"),
+    "not_there_now": (lambda one: one.adds(30, "/bin/sh ./run"), "third .*no row"),
+    "missing": (lambda one: one.processes.pop(1), "first, user root: no such process"),
+    "twice": (lambda one: one.processes.update({21: ("second", 1, [SECOND])}), "second, process: expected one, found 20, 21"),
+    "user": (lambda one: one.second(Uid="0\t0\t0\t0"), "second .*, user: expected some, found root, some"),
+    "saved_user": (lambda one: one.second(Uid="7\t7\t0\t7"), "second .*, user: expected some, found root, some"),
+    "group": (lambda one: one.second(Groups="7 8 0 "), "second .*, groups: expected more, some, found more, root, some"),
+    "capability": (lambda one: one.second(CapEff=f"{0x3002:016x}"), "second .*, capabilities: .*found dac_override, net"),
+    "could_take_it": (lambda one: one.second(CapPrm=ALL), "second .*, capabilities: expected net_.*, found all"),
+    "bounding": (lambda one: one.second(CapBnd=ALL), "second .*, bounding: expected -, found all"),
+    "filter": (lambda one: one.second(Seccomp="0"), "second .*, filter: expected yes, found no, yes"),
+    "no_new_privs": (lambda one: one.second(NoNewPrivs="0"), "second .*, no new privs: expected yes, found no, yes"),
+    "port": (lambda one: one.sockets["udp"].append(UDP.format("00000000:0035", 101)),
+             r"second .*, listens: expected .*, found udp \*:53, udp 127"),
+    "other_address": (lambda one: one.sockets.update(udp=[UDP.format("00000000:38D6", 101)]), r"found udp \*:14550"),
+    "socket": (lambda one: one.sockets["unix"].append(UNIX.format("00000000", "0002", 102, "@open@@@")),
+               "second .*, listens: expected .*, found .*unix @open$"),
+    "packets": (lambda one: one.sockets.update(packet=["0 3 3 0003 3 1 0 7 102"]), "second .*, found packet, "),
+    "nobody_s": (lambda one: one.sockets["tcp"].append(TCP.format("0016", 999)), r"no process .*listens: tcp \*:22"),
+    "socket_that_is_gone": (lambda one: one.sockets.pop("unix"), "second, listens: expected unix /run/second-\\*, found udp"),
+}
+
+
+@pytest.mark.parametrize("deviation", DEVIATIONS)
+def test_a_process_that_is_not_as_the_table_says(deviation):
+    listing = Listing()
+    change, says = DEVIATIONS[deviation]
+    change(listing)
+    problems = listing.problems()
+    assert any(re.search(says, one) for one in problems), problems
+
+
+def test_what_may_be_written_is_compared_too():
+    rows = rights.table(TABLE.replace("`unix /run/second-*` | all", "- | `/run/second`, `/dev/tty[AU]*`"))
+    processes = [one._replace(columns=one.columns | {"writes": frozenset(("/run/second", "/dev/ttyUSB0"))})
+                 if one.name == "second" else one for one in rights.snapshot(Listing().text())]
+    assert not [one for one in rights.differences(rows, processes, {"always"}) if "writes" in one]
+    processes[-1].columns["writes"] |= {"/data/odid"}
+    assert any("second (process 20), writes: expected" in one and "found /data/odid, " in one
+               for one in rights.differences(rows, processes, {"always"}))
+    assert rights.outermost(["/run/odid/kept", "/run/odid", "/run/odid-other", "/run/odid/a/b"]) == \
+        {"/run/odid", "/run/odid-other"}
+
+
+def test_what_the_document_names_is_there():
+    text = rights.DOCUMENT.read_text()
+    tests = "".join(path.read_text() for path in (parts.ROOT / "tests").rglob("test_*.py"))
+    named = set(re.findall(r"`(test_\w+)`", text))
+    assert len(named) > 20
+    assert not [name for name in named if f"def {name}(" not in tests]
+    programs = {one.name for one in (parts.ROOT / "package/odid-daemon/tests").iterdir()}
+    assert not set(re.findall(r"`(test_\w+\.c)`", text)) - programs
+    paths = {one for one in re.findall(r"`([\w.-]+(?:/[\w.-]+)+)`", text) if not one.startswith("/")}
+    assert len(paths) > 20
+    assert not [path for path in paths if not (parts.ROOT / path).exists()]

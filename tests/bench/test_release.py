@@ -25,6 +25,14 @@ def test_the_autopilot_s_router_is_the_real_one(release):
     assert "--tcp-port" in release.run("mavlink-routerd --help").output        # to it the option is an error
 
 
+def test_addresses_are_of_the_web(release):
+    """An update server's answer names an address, too: not one of this board's files."""
+    protocols = re.search(r"^Protocols: (.*)", release.must("curl --version"), re.M)[1].split()
+    assert {one for one in protocols if one not in ("http", "https", "ipfs", "ipns", "ws", "wss")} == set()
+    release.must("echo secret >/tmp/secret")
+    assert "secret" not in release.run("curl -s file:///tmp/secret").output
+
+
 def used_kib(machine):
     """What the kernel gives back at once isn't in use: caches, and the lists of free pages that each processor has."""
     kib = {name: int(value) for name, value in

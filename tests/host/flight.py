@@ -41,11 +41,12 @@ OPERATOR = b"SWE3jxza7qbzvu5d"
 class FixedWing:
     """The aircraft: a velocity for every time, integrated to a position."""
 
-    def __init__(self, seed):
+    def __init__(self, seed, fix_until_s=math.inf):
         chance = random.Random(seed)
         self.course_start_rad = chance.uniform(0, 2 * math.pi)
         self.turn_rad_s = CRUISE_M_S / CIRCLE_RADIUS_M * chance.choice((-1, 1))
         self.climb_period_s = chance.uniform(18, 24)
+        self.fix_until_s = fix_until_s
         self.time_s = 0.0
         self.north_m = self.east_m = self.up_m = 0.0
 
@@ -139,7 +140,7 @@ def _gps(link, craft):
     alt_mm = round((GROUND_MSL_M + craft.up_m) * 1000)
     course_cdeg = craft.course_cdeg if craft.speed_cm_s else 65535
     return [link.gps_raw_int_encode(
-        craft.unix_us, 3, craft.latitude_e7, craft.longitude_e7, alt_mm, 80, 120, craft.speed_cm_s,
+        craft.unix_us, 3 if craft.time_s < craft.fix_until_s else 1, craft.latitude_e7, craft.longitude_e7, alt_mm, 80, 120, craft.speed_cm_s,
         course_cdeg, 14, alt_mm + round(UNDULATION_M * 1000), 900, 1500, 200)]
 
 
@@ -169,23 +170,30 @@ def _native(link, craft):
     ]
 
 
-def write_flight(path, seconds, rate_hz=5, seed=1, native=False):
-    """Writes the flight's first seconds, GLOBAL_POSITION_INT at rate_hz. Returns how many frames."""
+def write_flight(path, seconds, rate_hz=5, seed=1, native_hz=0, fix_until_s=math.inf, changed=None):
+    """Writes the flight's first seconds, GLOBAL_POSITION_INT at rate_hz. Returns how many frames.
+
+    From fix_until_s on there is no GNSS fix, and the estimator goes on. changed(craft, message) gives the
+    messages that are sent instead of one; those with ground_station are sent by that.
+    """
     if not seconds > 0 or not rate_hz > 0:
         raise ValueError(f"seconds and rate_hz must be above 0, not {seconds} and {rate_hz}")
     streams = [(1, _heartbeat), (1, _system_time), (2, _gps), (rate_hz, _position),
                (1, _extended_state), (0.2, _home)]
-    if native:
-        streams.append((1, _native))
+    if native_hz:
+        streams.append((native_hz, _native))
     due = sorted((count / hz, order, build) for order, (hz, build) in enumerate(streams)
                  for count in range(math.ceil(seconds * hz)))
-    link, craft, frames = common.MAVLink(None, srcSystem=1, srcComponent=1), FixedWing(seed), 0
+    link, craft, frames = common.MAVLink(None, srcSystem=1, srcComponent=1), FixedWing(seed, fix_until_s), 0
+    ground = common.MAVLink(None, srcSystem=255, srcComponent=190)
     with open(path, "wb") as log:
         for time_s, _, build in due:
             craft.advance(time_s)
-            for message in build(link, craft):
-                log.write(struct.pack(">Q", craft.unix_us) + message.pack(link))
-                link.seq = (link.seq + 1) % 256
+            built = build(link, craft)
+            for message in built if changed is None else [other for one in built for other in changed(craft, one)]:
+                sender = ground if hasattr(message, "ground_station") else link
+                log.write(struct.pack(">Q", craft.unix_us) + message.pack(sender))
+                sender.seq = (sender.seq + 1) % 256
                 frames += 1
     return frames
 
@@ -199,7 +207,7 @@ def main():
     parser.add_argument("--native", action="store_true", help="OPEN_DRONE_ID_* messages too")
     arguments = parser.parse_args()
     try:
-        frames = write_flight(arguments.out, arguments.seconds, arguments.rate, arguments.seed, arguments.native)
+        frames = write_flight(arguments.out, arguments.seconds, arguments.rate, arguments.seed, int(arguments.native))
     except (OSError, ValueError) as error:
         parser.error(str(error))
     print(f"{arguments.out}: {frames} frames, {arguments.seconds:g} s")

@@ -42,6 +42,17 @@ def config_text(sections):
                    for name, keys in sections.items())
 
 
+def recorded_flight():
+    """A real autopilot's, with gaps; where it isn't there, a path to nothing."""
+    return test_data() / "arduplane-vtol-sitl.tlog"
+
+
+def memory():
+    """Where files are in memory; None where nothing is. On a disk that is being synced the models, which
+    write as they go, would wait for it for seconds, and it is they that would be measured."""
+    return Path("/dev/shm") if Path("/dev/shm").is_dir() else None
+
+
 def environment():
     return {**os.environ, "PYTHONPATH": str(ROOT / "tests")}
 
@@ -146,9 +157,11 @@ class Bench:
         path.write_text(config_text(sections))
         return path
 
-    def start_daemon(self, *flags):
+    def start_daemon(self, *flags, realtime=True):
+        """realtime=False: as in a container that isn't granted real-time priority."""
+        refused = [] if realtime else ["setpriv", "--bounding-set=-sys_nice", "--inh-caps=-sys_nice"]
         self.udp_port = getattr(self, "udp_port", None) or free_udp_port()
-        self.daemon = self.add(Part([DAEMON, "-config", self.write_config(), *flags],
+        self.daemon = self.add(Part([*refused, DAEMON, "-config", self.write_config(), *flags],
                                      self.folder / "daemon.log"))
         return self.daemon
 

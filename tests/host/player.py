@@ -156,6 +156,9 @@ def open_end(text):
 def prepare(path, start_s, seconds):
     """(seconds from the beginning, frame, record or None) for what is to be played."""
     frames = tlog.read(path)
+    if frames.damaged_parts:
+        print(f"player: {path}: {frames.damaged_parts} damaged parts ({frames.damaged_octets} octets) are left out",
+              file=sys.stderr)
     first_s = frames[0][0] + start_s
     decoder, prepared, at_s = tlog.Decoder(), [], 0.0
     for time_s, frame in frames:

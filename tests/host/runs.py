@@ -27,14 +27,9 @@ def fresh(folder):
 
 @contextlib.contextmanager
 def in_memory(folder):
-    """A folder in memory for the length of a run, kept as `folder` afterwards.
-
-    The models write as they go. On a disk that is being synced under load they would wait for it,
-    and it is they that would be measured.
-    """
+    """A folder in memory for the length of a run, kept as `folder` afterwards."""
     fresh(folder)
-    memory = Path("/dev/shm")
-    with tempfile.TemporaryDirectory(prefix="odid-bench-", dir=memory if memory.is_dir() else None) as name:
+    with tempfile.TemporaryDirectory(prefix="odid-bench-", dir=parts.memory()) as name:
         try:
             yield Path(name)
         finally:
@@ -50,17 +45,17 @@ def _read_figures(folder, log):
     return json.loads(path.read_text())
 
 
-def fly(kept, flight, seconds, mode="full", load=None):
+def fly(kept, flight, seconds, mode="full", load=None, realtime=True):
     """A flight in real time. Returns the judge's figures, and what was measured of the daemon."""
     with in_memory(kept) as folder:
-        return _fly(parts.Bench(folder, mode=mode), kept.name, flight, seconds, load)
+        return _fly(parts.Bench(folder, mode=mode), kept.name, flight, seconds, load, realtime)
 
 
-def _fly(bench, name, flight, seconds, load):
+def _fly(bench, name, flight, seconds, load, realtime):
     channels = ("bt4", "bt5", "wifi") if bench.mode == "full" else ("bt4", "wifi")
     stress = measure.Load(None, 0)
     try:
-        bench.start_daemon()
+        bench.start_daemon(realtime=realtime)
         bench.wait_on_air(channels)
         player = bench.play(flight, seconds=seconds + LEAD_S + 15)
         time.sleep(LEAD_S)

@@ -7,6 +7,7 @@ import select
 import signal
 import socket
 import struct
+import subprocess
 import sys
 import time
 
@@ -351,6 +352,29 @@ def test_what_is_no_log_is_said_clearly(tmp_path):
     for name, sentence in (("empty", "no MAVLink frame"), ("other", "no MAVLink frame")):
         with pytest.raises(tlog.LogError, match=sentence):
             tlog.read(tmp_path / f"{name}.tlog")
+
+
+def test_damaged_parts_of_a_log_are_left_out_and_counted(tmp_path):
+    write_flight(tmp_path / "whole.tlog", 30)
+    whole = tlog.read(tmp_path / "whole.tlog")
+    data = bytearray((tmp_path / "whole.tlog").read_bytes())
+    assert whole.damaged_parts == 0 and len(whole) > 300
+    places = [sum(8 + len(frame) for _, frame in whole[:number]) for number in (40, 100, 250)]
+    data[places[2] + 8] = 0  # no start of a frame
+    data[places[1]:places[1] + 4] = b""  # octets missing
+    data[places[0]:places[0]] = b"\xfd" * 900  # and too many, that look like frames
+    (tmp_path / "damaged.tlog").write_bytes(data)
+    found = tlog.read(tmp_path / "damaged.tlog")
+    assert found.damaged_parts == 3 and found.damaged_octets > 900
+    assert set(found) <= set(whole) and len(found) >= len(whole) - 6
+
+
+@pytest.mark.parametrize("module", ["host.bench", "host.demo", "bench.demo", "bench.soak", "bench.without",
+                                    "update.power_cuts"])
+def test_what_is_run_by_hand_only_can_be_loaded(module):
+    result = subprocess.run([sys.executable, "-c", f"import {module}"], capture_output=True, text=True,
+                            env=parts.environment(), timeout=patience.LIMIT_S)
+    assert result.returncode == 0, result.stderr
 
 
 # --- all of it, around the daemon -------------------------------------------

@@ -12,37 +12,61 @@ MAGIC_1, MAGIC_2 = 0xFE, 0xFD
 SIGNED = 0x01  # MAVLink 2 incompatibility flag: 13 octets of signature follow
 
 
+LATEST_S = 4102444800.0  # the year 2100
+LATER_S = 3600.0  # a stamp that is so much later than the next one is none
+
+
 class LogError(ValueError):
     """Not a telemetry log."""
 
 
+class Log(list):
+    """(seconds since 1970, bytes) of each frame, in order."""
+    damaged_parts = 0  # left out
+    damaged_octets = 0
+
+
 def frame_length(data, at):
-    """How long the frame is that begins there; 0 when it isn't whole."""
+    """How long the frame is whose magic stands there; 0 when it isn't whole."""
     if len(data) < at + 3:
         return 0
-    if data[at] == MAGIC_1:
-        length = 8 + data[at + 1]
-    elif data[at] == MAGIC_2:
+    length = 8 + data[at + 1]
+    if data[at] == MAGIC_2:
         length = 12 + data[at + 1] + (13 if data[at + 2] & SIGNED else 0)
-    else:
-        raise LogError(f"octet {at}: no MAVLink frame (0x{data[at]:02x})")
     return length if len(data) >= at + length else 0
 
 
+def _stamp_s(data, at):
+    return int.from_bytes(data[at:at + STAMP], "big") / 1e6
+
+
+def _whole(data, at):
+    """The length of the stamped frame there; 0 when what stands there, or behind it, is none."""
+    if data[at + STAMP:at + STAMP + 1] not in (bytes((MAGIC_1,)), bytes((MAGIC_2,))) or _stamp_s(data, at) > LATEST_S:
+        return 0
+    end = at + STAMP + frame_length(data, at + STAMP)
+    if end == at + STAMP or end + STAMP >= len(data):
+        return end - at - STAMP
+    follows = data[end + STAMP] in (MAGIC_1, MAGIC_2) and _stamp_s(data, at) - _stamp_s(data, end) < LATER_S
+    return end - at - STAMP if follows else 0
+
+
 def read(path):
-    """The frames of a log as (seconds since 1970, bytes); its last one may be cut short."""
+    """The frames of a log. Damaged parts are left out and counted; the last frame may be cut short."""
     data = open(path, "rb").read()
-    frames, at = [], 0
+    frames, at, damaged = Log(), 0, None
     while at + STAMP < len(data):
-        time_s = int.from_bytes(data[at:at + STAMP], "big") / 1e6
-        try:
-            length = frame_length(data, at + STAMP)
-        except LogError as error:
-            raise LogError(f"{path}: {error}") from error
-        if length == 0:
-            break
-        frames.append((time_s, data[at + STAMP:at + STAMP + length]))
-        at += STAMP + length
+        length = _whole(data, at)
+        if length:
+            if damaged is not None:
+                frames.damaged_parts += 1
+                frames.damaged_octets += at - damaged
+                damaged = None
+            frames.append((_stamp_s(data, at), data[at + STAMP:at + STAMP + length]))
+            at += STAMP + length
+        else:
+            damaged = at if damaged is None else damaged
+            at += 1
     if not frames:
         raise LogError(f"{path}: no MAVLink frame in it")
     return frames

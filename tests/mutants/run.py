@@ -113,11 +113,14 @@ def main():
         finally:
             workshops.put(workshop)
 
-    with concurrent.futures.ThreadPoolExecutor(WORKSHOPS) as pool:
+    pool = concurrent.futures.ThreadPoolExecutor(WORKSHOPS)
+    try:
         for one in concurrent.futures.as_completed([pool.submit(tried, change) for change in to_try]):
             change, (verdict, by) = one.result()
             kept.add(change.identity, verdict, by)
             print(f"{verdict:10} {change.name}  {by}", flush=True)
+    finally:
+        pool.shutdown(cancel_futures=True)  # what has begun is ended
     return told([(one.name, *(("harmless", one.why) if one.why else kept.found[one.identity])) for one in changes])
 
 

@@ -65,6 +65,8 @@ def judge(run: Run, options: Options, log: FlightLog | None = None,
     if log is not None:
         comparison = compare(tracks, log, findings)
         excuse = log_excuse(log, comparison)
+        if log.vertical_inverted:
+            findings.note("the autopilot sends its vertical speed upside down: compared the right way up")
         figures.update(_age_figures(comparison))
     intervals = []
     for track in tracks:
@@ -221,9 +223,12 @@ def _all_within_figures(tracks: list[Track], options: Options) -> dict:
 def _age_figures(comparison: Comparison) -> dict:
     if not comparison.ages_s:
         return {}
-    return {"position_age_p50_s": round(percentile(comparison.ages_s, 0.5), 4),
-            "position_age_p99_s": round(percentile(comparison.ages_s, 0.99), 4),
-            "position_age_max_s": round(max(comparison.ages_s), 4),
+    ages_s = [age_s for ages_s in comparison.ages_s.values() for age_s in ages_s]
+    return {"position_age_p50_s": round(percentile(ages_s, 0.5), 4),
+            "position_age_p99_s": round(percentile(ages_s, 0.99), 4),
+            "position_age_max_s": round(max(ages_s), 4),
+            **{f"{channel}_position_age_p99_s": round(percentile(of_channel, 0.99), 4)
+               for channel, of_channel in sorted(comparison.ages_s.items())},
             "position_age_beyond_interval_p99_s": round(percentile(comparison.lateness_s, 0.99), 4)}
 
 

@@ -23,6 +23,11 @@ GPS_TO_UTC_S = 18
 COURSE_UNKNOWN_M_S = 0.3
 REBOOT_MS = 10000  # a boot time that falls by more is a restart, by less a message out of order
 EARLIEST_UNIX_S = 1.0e9  # an autopilot without GNSS time sends its time since boot
+FIX_TYPE_2D = 2
+GNSS_FRESH_S = 3.0  # a fix is known for so long after it was said ...
+GNSS_TOLERANCE_S = 1.1  # ... by the transmitter's clock, of what was heard in between
+DECIDING_SECONDS = 3  # so many tell that the vertical speed is upside down ...
+DECIDING_TOLERANCE_S = 2.0  # ... to a transmitter whose seconds begin at other instants
 POSITION_MESSAGES = ("GLOBAL_POSITION_INT", "OPEN_DRONE_ID_LOCATION")
 
 
@@ -43,8 +48,11 @@ class Fix:
     direction_deg: float | None
     unix_s: float | None = None
     hour_s: float | None = None  # seconds since the last full UTC hour
-    next_mono: float | None = None  # when the next newer fix of this source was played
+    rated: bool = False  # native messages only: it has a time and an accuracy
+    next_mono: float | None = None  # when the next newer fix, of any source, was played
     out_of_order: bool = False
+    vertical_unsure: bool = False  # upside down, and not yet to be known by its altitude
+    has_gnss: bool | None = None  # did the autopilot have a GNSS fix? None: just then it changed
 
 
 @dataclass
@@ -54,18 +62,33 @@ class FlightLog:
     armed_from_start: bool = False
     disarmed_mono: float = math.inf  # the first time
     own_clock_s: float | None = None  # mono minus the autopilot's time since boot, by the least delayed fix
+    vertical_inverted: bool = False  # the autopilot sends it upside down
     homes: list[tuple[float, float]] = field(default_factory=list)  # mono, metres above mean sea level
     heartbeats: list[float] = field(default_factory=list)  # mono
     system_times: list[tuple[float, float]] = field(default_factory=list)  # mono, Unix time of boot
+    utc: list[tuple[float, float]] = field(default_factory=list)  # mono, Unix time
     undulations: list[tuple[float, float | None]] = field(default_factory=list)  # mono, metres or unknown
     fix_types: list[tuple[float, int]] = field(default_factory=list)
+    time_known_mono: float | None = None  # the first SYSTEM_TIME that a GNSS fix confirms
     clock_offset_s: float = 0.0  # mono minus time
 
     def newest_fix(self, mono: float, source: str | None = None) -> Fix | None:
         for fix in reversed(self.fixes[:bisect.bisect_right(self.fixes, mono, key=lambda f: f.mono)]):
-            if not fix.out_of_order and (source is None or fix.source == source):
+            if not fix.out_of_order and fix.has_gnss is not False and (source is None or fix.source == source):
                 return fix
         return None
+
+    def has_gnss(self, mono: float) -> bool | None:
+        """Was a GNSS fix known at an instant: by GPS_RAW_INT, or where that doesn't come by a native
+        position with time and accuracy?  None: either answer is right, so shortly after a change."""
+        around = {self._gnss_at(mono - GNSS_TOLERANCE_S), self._gnss_at(mono), self._gnss_at(mono + GNSS_TOLERANCE_S)}
+        return around.pop() if len(around) == 1 else None
+
+    def _gnss_at(self, mono: float) -> bool:
+        at = bisect.bisect_right(self.fix_types, mono, key=lambda f: f[0])
+        if at and mono - self.fix_types[at - 1][0] < GNSS_FRESH_S:
+            return self.fix_types[at - 1][1] >= FIX_TYPE_2D
+        return any(fix.rated and 0 <= mono - fix.mono < GNSS_FRESH_S for fix in self.fixes)
 
     def undulations_near(self, start_mono: float, end_mono: float) -> set[float | None]:
         """Ellipsoid minus sea level that a transmitter may have used for a fix that came
@@ -89,6 +112,12 @@ class FlightLog:
             grounded = {fix.relative_altitude_m} if heard_mono >= self.disarmed_mono else set()
             return {None} | grounded | {fix.altitude_msl_m - home for mono, home in self.homes if mono <= heard_mono}
         edges = [edge for edge in self.arming_edges if edge <= heard_mono]
+        if edges and self.has_gnss(edges[-1]) is not True:
+            # Armed without a fix: the first one on the ground, home, or nothing stands in.
+            late = next((one for one in self.fixes if one.mono > edges[-1] and one.has_gnss), None)
+            zeros = [home for mono, home in self.homes if edges[-1] <= mono <= heard_mono]
+            zeros += [late.altitude_msl_m] if late is not None and late.altitude_msl_m is not None else []
+            return {None} | {fix.altitude_msl_m - zero for zero in zeros}
         decided = [edge for edge in edges if edge <= fix.mono - 0.5]
         heights = set() if decided else {fix.relative_altitude_m}
         for edge in (decided[-1:] + [edge for edge in edges if edge > fix.mono - 0.5]):
@@ -121,6 +150,7 @@ def read_flight_log(path: Path) -> FlightLog:
                 armed = now_armed
             elif name == "SYSTEM_TIME" and record["time_unix_usec"] / 1e6 > EARLIEST_UNIX_S:
                 log.system_times.append((mono, record["time_unix_usec"] / 1e6 - record["time_boot_ms"] / 1e3))
+                log.utc.append((mono, record["time_unix_usec"] / 1e6))
             elif name == "HOME_POSITION":
                 log.homes.append((mono, record["altitude"] / 1000))
             elif name == "GPS_RAW_INT":
@@ -138,9 +168,10 @@ def read_flight_log(path: Path) -> FlightLog:
     if not offsets:
         raise InputError(f"{path}: nothing was played (no line in it)")
     log.clock_offset_s = statistics.median(offsets)
-    for rows in (log.fixes, log.system_times, log.undulations):
+    for rows in (log.fixes, log.system_times, log.utc, log.undulations, log.fix_types):
         rows.sort(key=lambda row: row.mono if isinstance(row, Fix) else row[0])
     _complete(log)
+    _set_upright([fix for fix in log.fixes if fix.source == POSITION_MESSAGES[0]], log)
     log.own_clock_s = min((fix.mono - fix.boot_ms / 1000 for fix in log.fixes if fix.boot_ms is not None), default=None)
     return log
 
@@ -172,7 +203,8 @@ def _native_fix(mono: float, record: dict) -> Fix:
                known(record.get("height"), -1000), known(record.get("altitude_geodetic"), -1000),
                known(record.get("speed_horizontal"), 25500, 100), known(record.get("speed_vertical"), 6300, 100),
                known(record.get("direction"), 36100, 100),
-               hour_s=timestamp_s if timestamp_s is not None and timestamp_s <= 3600 else None)
+               hour_s=timestamp_s if timestamp_s is not None and timestamp_s <= 3600 else None,
+               rated=timestamp_s is not None and timestamp_s <= 3600 and bool(record.get("horizontal_accuracy")))
 
 
 def _complete(log: FlightLog) -> None:
@@ -187,12 +219,39 @@ def _complete(log: FlightLog) -> None:
         elif fix.hour_s is not None and log.system_times:
             _correct_leap_seconds(fix, log.system_times[max(0, at - 1)], newest)
         before = newest.get(fix.source)
-        if before is None or _is_newer(before, fix):
-            if before is not None:
-                before.next_mono = fix.mono
+        fix.out_of_order = before is not None and not _is_newer(before, fix)
+        if not fix.out_of_order:
             newest[fix.source] = fix
-        else:
-            fix.out_of_order = True
+        fix.has_gnss = log.has_gnss(fix.mono)
+    next_mono = None
+    for fix in reversed(log.fixes):
+        if not fix.out_of_order:
+            fix.next_mono = next_mono
+            next_mono = fix.mono if fix.has_gnss else next_mono
+    log.time_known_mono = next((mono for mono, _ in log.system_times if log.has_gnss(mono)), None)
+
+
+def _set_upright(fixes: list[Fix], log: FlightLog) -> None:
+    """ArduPilot before September 2018 sends the vertical speed upside down: told by the altitude, in every whole
+    second in which both say that it climbs or sinks. Some more of such seconds against it than for it decide."""
+    against, begin, decided_mono = 0, 0, None
+    for number, fix in enumerate(fixes):
+        seconds = fix.mono - fixes[begin].mono
+        if seconds < 1:
+            continue
+        said_m_s = statistics.fmean(one.vertical_speed_m_s for one in fixes[begin + 1:number + 1])
+        rose_m_s = (fix.altitude_msl_m - fixes[begin].altitude_msl_m) / seconds
+        if seconds < 3 and min(abs(said_m_s), abs(rose_m_s)) > 1:
+            against = max(-DECIDING_SECONDS, against + (1 if (said_m_s > 0) != (rose_m_s > 0) else -1))
+        if against >= DECIDING_SECONDS:
+            decided_mono = fix.mono
+            break
+        begin = number
+    if decided_mono is not None:
+        log.vertical_inverted = True
+        for fix in fixes:
+            fix.vertical_speed_m_s = -fix.vertical_speed_m_s
+            fix.vertical_unsure = fix.mono <= decided_mono + DECIDING_TOLERANCE_S
 
 
 def _correct_leap_seconds(fix: Fix, system_time: tuple[float, float], newest: dict[str, Fix]) -> None:

@@ -29,6 +29,7 @@ UA_TYPES = ("none", "aeroplane", "helicopter/multirotor", "gyroplane", "hybrid l
             "parachute", "rocket", "tethered", "ground obstacle", "other")
 ID_TYPES = ("none", "serial number", "registration", "UTM UUID", "session ID")
 STATUS_NAMES = ("undeclared", "ground", "airborne", "emergency", "RID failure")
+STATUS_EMERGENCY = 3
 STATUS_SYSTEM_FAILURE = 4
 EU_CATEGORIES = ("undeclared", "open", "specific", "certified")
 EU_CLASSES = ("undeclared", "C0", "C1", "C2", "C3", "C4", "C5", "C6")

@@ -25,12 +25,16 @@ DISAGREEING_SHARE = 0.2
 MIN_DISAGREEING = 5
 AGE_LIMIT_S = 1.0  # (2nd) data at most 1 s old when sent
 SYSTEM_HEARD_BEFORE_S = 1.5
+SYSTEM_FROZEN_S = 6.0  # System comes every 3 s at least
+NOWHERE_M = 1000.0  # from 0,0: an estimator without a fix, or a field that was never filled
 FLOAT_STEP_S = 16  # a System timestamp that passed through a 32-bit float
 
 
 def check_plausibility(track: Track, findings: Findings, has_log: bool) -> None:
     """`has_log`: ages and order are compared with what was played, not here."""
     newer = track.newer_locations()
+    _check_places(track, findings)
+    _check_altitude(track, findings)
     _check_jumps(newer, findings)
     _check_frozen_position(newer, findings)
     _check_motion(newer, findings)
@@ -45,6 +49,26 @@ def offset_m(start: Location, end: Location) -> tuple[float, float]:
     north = math.radians(end.latitude_deg - start.latitude_deg) * EARTH_RADIUS_M
     east_deg = (end.longitude_deg - start.longitude_deg + 180.0) % 360.0 - 180.0
     return north, math.radians(east_deg) * EARTH_RADIUS_M * math.cos(math.radians(start.latitude_deg))
+
+
+def _check_places(track: Track, findings: Findings) -> None:
+    """0,0 is "unknown"; what is near it is wrong, and not said to be."""
+    for name, whose, latitude, longitude in (
+            ("location", "the aircraft", "latitude_deg", "longitude_deg"),
+            ("system", "the operator", "operator_latitude_deg", "operator_longitude_deg")):
+        last_raw = None
+        for heard, message in track.of_type(name):
+            place = (getattr(message, latitude), getattr(message, longitude))
+            if message.raw != last_raw and None not in place and math.radians(math.hypot(*place)) * EARTH_RADIUS_M < NOWHERE_M:
+                findings.violation(f"{name}.nowhere", heard.reception, f"{whose} is less than 1 km from 0,0",
+                                   "a place, or unknown", f"{place[0]:.7f}, {place[1]:.7f}")
+            last_raw = message.raw
+
+
+def _check_altitude(track: Track, findings: Findings) -> None:
+    locations = [location for _, location in track.of_type("location") if location.latitude_deg is not None]
+    if locations and all(location.geodetic_altitude_m is None for location in locations):
+        findings.note("the geodetic altitude is unknown in every Location: some regions require it")
 
 
 def _elapsed_s(before: tuple[Heard, Location], now: tuple[Heard, Location]) -> float:
@@ -107,7 +131,7 @@ class _Comparison:
 def _check_motion(newer, findings: Findings) -> None:
     """Over windows of 2 s and more: displacement against the integral of speed and course,
     climb against the integral of the vertical speed."""
-    course, speed, climb = _Comparison(), _Comparison(), _Comparison()
+    course, speed, climb, height = _Comparison(), _Comparison(), _Comparison(), _Comparison()
     said, end = _Said(newer), 0
     for start in range(len(newer) - 1):
         end = max(end, start + 1)
@@ -116,9 +140,11 @@ def _check_motion(newer, findings: Findings) -> None:
         if WINDOW_S <= _elapsed_s(newer[start], newer[end]) < 2 * WINDOW_S:
             _compare_course(newer, start, end, said, course, speed)
             _compare_climb(newer, start, end, said, climb)
+            _compare_height(newer, start, end, height)
     course.report(findings, "plausibility.course", "track over ground and direction disagree")
     speed.report(findings, "plausibility.speed", "distance flown and speed disagree")
     climb.report(findings, "plausibility.climb", "altitude trend and vertical speed have opposite signs")
+    height.report(findings, "plausibility.height", "the height above take-off doesn't go with the altitude")
 
 
 class _Said:
@@ -196,6 +222,18 @@ def _compare_climb(newer, start: int, end: int, all_said: _Said, climb: _Compari
                   f"{said_m:+.1f} m by vertical speed")
 
 
+def _compare_height(newer, start: int, end: int, height: _Comparison) -> None:
+    """A take-off point stands still: its height goes up and down with the altitude."""
+    first, last = newer[start][1], newer[end][1]
+    if first.height_above_ground or last.height_above_ground or None in (
+            first.height_m, last.height_m, first.geodetic_altitude_m, last.geodetic_altitude_m):
+        return
+    climbed_m, said_m = last.geodetic_altitude_m - first.geodetic_altitude_m, last.height_m - first.height_m
+    if abs(climbed_m) >= MIN_WINDOW_CLIMB_M:
+        height.add(abs(said_m - climbed_m) <= max(1.5, 0.5 * abs(climbed_m)), newer[end][0].reception,
+                   f"{climbed_m:+.1f} m by altitude", f"{said_m:+.1f} m by height")
+
+
 def _check_timestamp_order(track: Track, findings: Findings) -> None:
     newest, last_raw = None, None
     for heard, location in track.of_type("location"):
@@ -215,6 +253,10 @@ def _check_system_time(track: Track, findings: Findings) -> None:
                 findings.violation("system.backward", heard.reception, "the System timestamp goes backward",
                                    f"{stamps[-1][1]} s or later", f"{system.unix_s} s")
             stamps.append((heard, system.unix_s))
+    systems = list(track.of_type("system"))
+    if len(stamps) == 1 and systems[-1][0].reception.mono - stamps[0][0].reception.mono > SYSTEM_FROZEN_S:
+        findings.violation("system.frozen", systems[-1][0].reception, "the System timestamp stands still",
+                           "the time now, or 0 for unknown", stamps[0][1])
     if len(stamps) >= 3 and all((unix_s - 1546300800) % FLOAT_STEP_S == 0 for _, unix_s in stamps):
         findings.violation("system.float", stamps[-1][0].reception, "the System timestamp moves in steps of 16 s "
                            "(it passed through a 32-bit float)", "steps of 1 s", stamps[-1][1])

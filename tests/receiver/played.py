@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from .findings import Findings
 from .flight_log import COURSE_UNKNOWN_M_S, Fix, FlightLog
 from .intervals import LOCATION_LIMIT_S, STATUS_FAILURE_DUE_S, Interval
-from .messages import STATUS_SYSTEM_FAILURE, Location
+from .messages import STATUS_EMERGENCY, STATUS_SYSTEM_FAILURE, Location
 from .receptions import Reception
 from .tracks import Track, hour_difference_s
 
@@ -18,6 +18,8 @@ TIME_TOLERANCE_S = 0.11  # one unit of the field, however it was rounded
 CLOCK_TOLERANCE_S = 0.02  # between the player's stamp and its octets on the wire
 STATUS_FRESH_S = 2.5
 BUILT_BEFORE_S = 0.5  # what is heard was built up to a slot and an advertising interval ago
+YEAR_2019_S = 1546300800
+SYSTEM_S = 4.5  # a System message is repeated for up to 3 s, its time is whole seconds
 LATE_S = 1.0  # a newer position is due on the air after this
 MOTION = ("speed", "vertical_speed", "direction")
 STEP_MARGIN = 1.01  # a field may be rounded or cut to its resolution
@@ -25,7 +27,7 @@ STEP_MARGIN = 1.01  # a field may be rounded or cut to its resolution
 
 @dataclass
 class Comparison:
-    ages_s: list[float] = field(default_factory=list)
+    ages_s: dict[str, list[float]] = field(default_factory=dict)  # by channel
     lateness_s: list[float] = field(default_factory=list)  # age beyond the autopilot's own interval
     shown: dict[int, Fix | None] = field(default_factory=dict)  # by id of the Reception
 
@@ -36,8 +38,13 @@ class _Index:
     def __init__(self, log: FlightLog):
         self.log = log
         self.places: dict[tuple[int, int], list[Fix]] = {}
+        self.without_gnss: set[tuple[int, int]] = set()
         for fix in log.fixes:
-            self.places.setdefault((fix.latitude_e7, fix.longitude_e7), []).append(fix)
+            place = (fix.latitude_e7, fix.longitude_e7)
+            if fix.has_gnss is False:
+                self.without_gnss.add(place)
+            else:
+                self.places.setdefault(place, []).append(fix)
         self.reach = range(-POSITION_TOLERANCE_E7, POSITION_TOLERANCE_E7 + 1)
         # By what a Location says; each is said many times over. The fixes in the order in which they were played.
         self.near: dict[tuple[int, int], list[Fix]] = {}
@@ -74,14 +81,33 @@ class _Index:
     def at_time(self, heard_mono: float, hour_s: float | None) -> Fix | None:
         if hour_s is None:
             return None
-        timed = [fix for fix in self.log.fixes if fix.hour_s is not None and fix.mono <= heard_mono + CLOCK_TOLERANCE_S
+        timed = [fix for fix in self.log.fixes
+                 if fix.hour_s is not None and fix.has_gnss is not False and fix.mono <= heard_mono + CLOCK_TOLERANCE_S
                  and abs(hour_difference_s(hour_s, fix.hour_s)) <= TIME_TOLERANCE_S]
         return timed[-1] if timed else None
+
+
+def _compare_system_time(track: Track, log: FlightLog, findings: Findings) -> None:
+    """UTC on the air is the autopilot's, whatever a ground station says."""
+    checked_raw = None
+    for heard, system in track.of_type("system"):
+        mono = heard.reception.mono
+        at = bisect.bisect_right(log.utc, mono, key=lambda s: s[0])
+        if system.raw == checked_raw or log.time_known_mono is None or not at or mono < log.time_known_mono + SYSTEM_S:
+            continue
+        checked_raw = system.raw
+        utc_s = log.utc[at - 1][1] + mono - log.utc[at - 1][0]
+        if utc_s < YEAR_2019_S:  # a flight of before: the field can't say it
+            utc_s = None
+        if (system.unix_s is None) != (utc_s is None) or (utc_s is not None and abs(system.unix_s - utc_s) > SYSTEM_S):
+            findings.violation("played.system_time", heard.reception, "System timestamp against the autopilot's time",
+                               "unknown" if utc_s is None else f"{utc_s:.0f} s, within {SYSTEM_S:g} s", system.unix_s)
 
 
 def compare(tracks: list[Track], log: FlightLog, findings: Findings) -> Comparison:
     comparison, index = Comparison(), _Index(log)
     for track in tracks:
+        _compare_system_time(track, log, findings)
         checked_raw, newest = None, None
         for heard, location in track.of_type("location"):
             reception = heard.reception
@@ -112,12 +138,17 @@ def _shown_fix(location: Location, reception: Reception, index: _Index, findings
     log = index.log
     if location.latitude_deg is None:
         due = log.newest_fix(reception.mono - LATE_S)
-        if due is not None and findings is not None and not _without_gnss(log, reception.mono):
+        if due is not None and findings is not None and due.has_gnss:
             findings.violation("played.unknown", reception, "the position is unknown although one was played "
                                f"{reception.mono - due.mono:.1f} s ago", _place(due), "unknown")
         return None
     latitude_e7, longitude_e7 = struct.unpack_from("<ii", location.raw, 5)
     fix = index.at_place(latitude_e7, longitude_e7, reception.mono, location.timestamp_s)
+    if fix is None and (latitude_e7, longitude_e7) in index.without_gnss:
+        if findings is not None:
+            findings.violation("played.fix", reception, "a position is shown that the autopilot had without a GNSS fix",
+                               "unknown, or the last one with a fix", f"{latitude_e7 / 1e7:.7f}, {longitude_e7 / 1e7:.7f}")
+        return None
     if fix is None:
         same_time = index.at_time(reception.mono, location.timestamp_s)
         reference = same_time or log.newest_fix(reception.mono)
@@ -128,11 +159,6 @@ def _shown_fix(location: Location, reception: Reception, index: _Index, findings
                                f"{latitude_e7 / 1e7:.7f}, {longitude_e7 / 1e7:.7f}")
         return same_time
     return fix
-
-
-def _without_gnss(log: FlightLog, mono: float) -> bool:
-    at = bisect.bisect_right(log.fix_types, mono, key=lambda f: f[0])
-    return any(fix_type < 2 for _, fix_type in log.fix_types[max(0, at - 2):at])
 
 
 def _place(fix: Fix) -> str:
@@ -160,8 +186,9 @@ def _compare_fields(location: Location, fix: Fix, reception: Reception, log: Fli
             return  # where it was is still worth saying; how it moves now isn't known
         findings.violation(f"played.{kind}", reception, what, expected, found)
 
-    _compare_number("vertical_speed", "vertical speed (m/s, positive up)", fix.vertical_speed_m_s,
-                    location.vertical_speed_m_s, 0.5, bad)
+    if not fix.vertical_unsure:
+        _compare_number("vertical_speed", "vertical speed (m/s, positive up)", fix.vertical_speed_m_s,
+                        location.vertical_speed_m_s, 0.5, bad)
     step_m_s = 0.25 if (location.speed_m_s or 0) <= 63.75 else 0.75
     _compare_number("speed", "horizontal speed (m/s)", fix.speed_m_s, location.speed_m_s, step_m_s, bad)
     _compare_direction(location, fix, bad)
@@ -212,7 +239,8 @@ def _compare_time(location: Location, fix: Fix, reception: Reception, log: Fligh
     """UTC on the air is the log's SYSTEM_TIME; until that came, time is unknown."""
     time_known_mono = log.system_times[0][0] if log.system_times else None
     if location.timestamp_s is None:
-        if fix.hour_s is not None and time_known_mono is not None and fix.mono > time_known_mono + LATE_S:
+        confirmed_mono = log.time_known_mono
+        if fix.hour_s is not None and confirmed_mono is not None and fix.mono > confirmed_mono + LATE_S:
             bad("time_unknown", "Location timestamp (s of the UTC hour)", f"{fix.hour_s:.1f}", "unknown")
     elif fix.source == "GLOBAL_POSITION_INT" and (
             time_known_mono is None or time_known_mono > reception.mono + CLOCK_TOLERANCE_S):
@@ -225,16 +253,17 @@ def _judge_age(location: Location, fix: Fix, reception: Reception, log: FlightLo
                comparison: Comparison) -> None:
     age_s = reception.mono - fix.mono
     late_s = max(0.0, reception.mono - fix.next_mono) if fix.next_mono is not None else 0.0
-    comparison.ages_s.append(age_s)
+    comparison.ages_s.setdefault(reception.channel, []).append(age_s)
     comparison.lateness_s.append(late_s)
     if late_s > LATE_S:
         findings.violation("played.stale", reception, "a newer position was played long ago",
                            f"the fix played {late_s:.2f} s ago, or a newer one", f"the fix played {age_s:.2f} s ago")
     failing = location.status == STATUS_SYSTEM_FAILURE
-    if age_s > STATUS_FAILURE_DUE_S and not failing:
+    if age_s > STATUS_FAILURE_DUE_S and not failing and location.status != STATUS_EMERGENCY:
         findings.violation("played.status", reception, f"status while the position is {age_s:.1f} s old",
                            "4 (remote ID system failure)", location.status)
-    elif _own_age_s(fix, reception, log) < STATUS_FRESH_S and failing and _heartbeat_fresh(log, reception.mono - BUILT_BEFORE_S):
+    elif (_own_age_s(fix, reception, log) < STATUS_FRESH_S and failing and fix.has_gnss
+          and _heartbeat_fresh(log, reception.mono - BUILT_BEFORE_S)):
         findings.violation("played.status", reception, f"status while the position is {age_s:.1f} s old",
                            "any but 4 (remote ID system failure)", location.status)
 
@@ -252,13 +281,14 @@ def _heartbeat_fresh(log: FlightLog, mono: float) -> bool:
 
 
 def log_excuse(log: FlightLog, comparison: Comparison):
-    """An excuse function for intervals.track_intervals(): the log itself had nothing newer."""
+    """An excuse function for intervals.track_intervals(): the log itself had nothing newer, most of the time."""
     def excuse(track: Track, interval: Interval) -> str | None:
         shown = comparison.shown.get(id(interval.start))
         if shown is None:
             newest = log.newest_fix(interval.end_mono - LOCATION_LIMIT_S)
             return "no position played yet" if newest is None else None
-        if shown.next_mono is None or interval.end_mono - shown.next_mono <= LOCATION_LIMIT_S:
+        if shown.next_mono is None:
             return "gap in what was played"
-        return None
+        gap_s, late_s = shown.next_mono - shown.mono, interval.end_mono - shown.next_mono
+        return "gap in what was played" if late_s <= LOCATION_LIMIT_S and gap_s >= interval.seconds / 2 else None
     return excuse

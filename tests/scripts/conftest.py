@@ -1,10 +1,19 @@
 """Without root, or without BusyBox, these tests skip and say so."""
 
+import functools
 import os
+import subprocess
 
 import pytest
 
 from .root import BUSYBOX, Appliance
+
+
+@functools.cache
+def no_mounts():
+    """Why there are none of our own here; empty: there are."""
+    tried = subprocess.run(["unshare", "--mount", "true"], capture_output=True, text=True, check=False)
+    return tried.stderr.strip() if tried.returncode else ""
 
 
 @pytest.fixture
@@ -13,4 +22,6 @@ def appliance(tmp_path):
         pytest.skip("a root of its own needs root")
     if BUSYBOX is None:
         pytest.skip("busybox isn't installed (Debian: busybox-static)")
+    if no_mounts():
+        pytest.skip(f"a root of its own needs mounts of its own (in a container: --cap-add SYS_ADMIN): {no_mounts()}")
     return Appliance(tmp_path / "root")

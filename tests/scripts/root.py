@@ -13,11 +13,13 @@ BUSYBOX = shutil.which("busybox")
 SETTINGS = {
     "autopilot.device": "auto", "autopilot.baud": "921600", "broadcast.wifi_iface": "wlan0", "wifi.country": "SE",
     "wifi.channel": "6", "mavlink.udp_port": "14550", "ground_station.address": "",
+    "ground_station.interface": "eth0",
     "broadcast.wifi_beacon_enabled": "true",
 }
 ODIDCTL = """#!/bin/sh
 case $1 in
 get) shift && for name; do sed -n "s/^$name=//p" /settings; done ;;
+armed) cat /armed && ! grep -q ^disarmed /armed ;;
 status) cat /status.json ;;
 esac
 """
@@ -25,6 +27,8 @@ NOTES = """#!/bin/sh
 echo "${0##*/} $*" >>/calls
 echo OK
 """
+# Debian's BusyBox has none; nothing runs twice here.
+FLOCK = "#!/bin/sh\n"
 NOTED = ("sv", "nft", "hostapd_cli", "ip")
 KEY = "7" * 64
 
@@ -41,10 +45,11 @@ class Appliance:
         shutil.copytree(OVERLAY, root, symlinks=True, dirs_exist_ok=True)
         for name, number in (("null", 3), ("zero", 5), ("urandom", 9)):
             os.mknod(root / "dev" / name, 0o20666, os.makedev(1, number))
-        for name, text in {"odidctl": ODIDCTL, **dict.fromkeys(NOTED, NOTES)}.items():
+        for name, text in {"odidctl": ODIDCTL, "flock": FLOCK, **dict.fromkeys(NOTED, NOTES)}.items():
             (root / "usr/bin" / name).write_text(text)
             (root / "usr/bin" / name).chmod(0o755)
         self.settings()
+        self.write("armed", "disarmed never 0\n")
         self.run("/bin/busybox --install -s /bin", shell="/bin/busybox")
 
     def settings(self, **changed):

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from patience import LIMIT_S, stays, wait_for
 
-from .root import KEY, NOTES, OVERLAY
+from .root import KEY, NOTES, OVERLAY, ROOT
 
 
 def test_each_service_is_supervised_and_each_supervised_one_exists():
@@ -31,6 +31,19 @@ def test_each_service_is_supervised_and_each_supervised_one_exists():
             assert 'exec /lib/odid/finish "$@"' in finish.read_text() and os.access(finish, os.X_OK)
 
 
+def test_root_follows_no_name_in_the_daemon_s_folder():
+    """/run/odid is the daemon's user's: a link that it makes there would lead root anywhere. Its socket is asked by
+    odidctl, which doesn't follow one either."""
+    ours = [path for path in OVERLAY.rglob("*") if path.is_file() and not path.is_symlink()]
+    assert not [str(path) for path in ours if re.search(r"/run/odid/", path.read_text(errors="replace"))]
+    programs = (ROOT / "package/odid-daemon/src").glob("odid_*_main.c")
+    assert not [str(path) for path in programs if re.search(r'RUN_DIR "/(?!run/odid")|"/run/odid/', path.read_text())]
+    marks = (ROOT / "package/odid-daemon/src/appliance_marks.h").read_text()
+    (updating,) = re.findall(r'#define APPLIANCE_UPDATING "(/run/odid-appliance/\w+)"', marks)
+    assert f": >{updating} " in (OVERLAY / "etc/init.d/S10disk").read_text()
+
+
+
 # --- the autopilot's port ---------------------------------------------------------
 
 FTDI = {"idVendor": "0403", "idProduct": "6001", "manufacturer": "FTDI", "product": "FT232R USB UART", "serial": "A50285BI"}
@@ -45,17 +58,74 @@ def two_autopilots(appliance):
     return appliance
 
 
-@pytest.mark.parametrize("wanted, port", [
-    ("auto", "/dev/ttyACM1"),
-    ("usb:0403:6001", "/dev/ttyUSB0"),
-    ("usb:1209:5741", "/dev/ttyACM1"),
-    ("/dev/serial/by-id/usb-ArduPilot_Pixhawk__1__3E_00-if02", "/dev/ttyACM0"),
-    ("/dev/serial/by-id/usb-FTDI_FT232R_USB_UART_A50285BI-if00-port0", "/dev/ttyUSB0"),
-    ("/dev/ttyUSB0", "/dev/ttyUSB0"),
+FTDI_NAME = "usb-FTDI_FT232R_USB_UART_A50285BI-if00-port0"
+
+
+@pytest.mark.parametrize("wanted, ports", [
+    ("auto", ["/dev/ttyACM1", "/dev/ttyACM0", "/dev/ttyUSB0"]),
+    ("usb:0403:6001", ["/dev/ttyUSB0"]),
+    ("usb:1209:5741", ["/dev/ttyACM1", "/dev/ttyACM0"]),
+    ("/dev/serial/by-id/usb-ArduPilot_Pixhawk__1__3E_00-if02", ["/dev/ttyACM0"]),
+    (f"/dev/serial/by-id/{FTDI_NAME}", ["/dev/ttyUSB0"]),
+    ("/dev/ttyUSB0", ["/dev/ttyUSB0"]),
 ])
-def test_the_port_is_found(two_autopilots, wanted, port):
+def test_the_ports_are_found(two_autopilots, wanted, ports):
     two_autopilots.settings(autopilot__device=wanted)
-    assert two_autopilots.must("/lib/odid/autopilot-port") == port + "\n"
+    assert two_autopilots.must("/lib/odid/autopilot-port").split() == ports
+
+
+def test_the_port_that_had_an_autopilot_is_the_first(two_autopilots):
+    two_autopilots.write("data/odid/autopilot-port", FTDI_NAME + "\n")
+    assert two_autopilots.must("/lib/odid/autopilot-port").split() == ["/dev/ttyUSB0", "/dev/ttyACM1", "/dev/ttyACM0"]
+
+
+def judged(appliance, port, heard):
+    """autopilot-judge's first look, and what it did."""
+    appliance.write("run/mavlink-router.port", port + "\n100\n")
+    appliance.write("status.json", '{ "heartbeat": %s }\n' % ("true" if heard else "false"))
+    appliance.must("/lib/odid/autopilot-port")  # as the service does: makes the links
+    # It would look again every four seconds, until mavlink-router has no port any more: that is so at the second look.
+    appliance.change("lib/odid/autopilot-judge", ("\tpause 4\n", "\t[ ! -e /looked ] || rm -f /run/mavlink-router.port\n\t: >/looked\n"))
+    appliance.must("/lib/odid/autopilot-judge")
+    return appliance.calls()
+
+
+def test_a_port_without_an_autopilot_is_left_for_the_others(two_autopilots):
+    assert judged(two_autopilots, "/dev/ttyACM1", heard=False) == ["sv term mavlink-router"]
+    assert not two_autopilots.exists("data/odid/autopilot-port")
+
+
+def test_the_port_where_the_autopilot_is_heard_is_kept(two_autopilots):
+    assert judged(two_autopilots, "/dev/ttyUSB0", heard=True) == []
+    assert two_autopilots.read("data/odid/autopilot-port") == FTDI_NAME + "\n"
+
+
+def test_where_only_one_port_is_wanted_nothing_is_judged(two_autopilots):
+    two_autopilots.settings(autopilot__device="usb:0403:6001")
+    assert judged(two_autopilots, "/dev/ttyUSB0", heard=False) == []
+
+
+@pytest.mark.parametrize("last, used, since_s, heard, restarted", [
+    (FTDI_NAME, "", 0, True, True),  # several are being listened to: this one is to be among them
+    (FTDI_NAME, "/dev/ttyACM1", 9, False, True),  # the one that had the autopilot last is back
+    (FTDI_NAME, "/dev/ttyACM1", 1, True, True),  # so soon it was heard on the port before
+    (FTDI_NAME, "/dev/ttyACM1", 9, True, False),  # the autopilot has moved, or another device has its name
+    ("usb-ArduPilot_Pixhawk__1__3E_00-if00", "/dev/ttyACM1", 9, False, False),  # another: autopilot-judge's
+    ("", "/dev/ttyACM1", 9, True, False),
+    (FTDI_NAME, "/dev/ttyUSB0", 0, False, False),  # it is this one's own arrival
+])
+def test_a_port_arrives(two_autopilots, last, used, since_s, heard, restarted):
+    two_autopilots.write("status.json", '{ "heartbeat": %s }\n' % ("true" if heard else "false"))
+    if last:
+        two_autopilots.write("data/odid/autopilot-port", last + "\n")
+    if used:
+        uptime_s = int(float(open("/proc/uptime", encoding="ascii").read().split()[0]))
+        two_autopilots.write("run/mavlink-router.port", f"{used}\n{uptime_s - since_s}\n")
+    two_autopilots.must("mkdir -p /run/service/mavlink-router/supervise && "
+                        "mkfifo /run/service/mavlink-router/supervise/control && "
+                        "ACTION=add MDEV=ttyUSB0 /lib/odid/device-autopilot; rm -f /run/mavlink-router.port")
+    assert two_autopilots.calls() == ["sv term mavlink-router"] * restarted + ["sv up mavlink-router"]
+    assert two_autopilots.exists("run/mavlink-router.back") == restarted
 
 
 @pytest.mark.parametrize("wanted", ["usb:26ac:0011", "/dev/ttyAMA3", "/dev/serial/by-id/usb-Other-if00"])
@@ -98,10 +168,46 @@ def test_mavlink_router(appliance, address, endpoint):
     assert made["General"]["TcpServerPort"] == "0"
     assert made["General"]["SnifferSysid"] == "1"
     assert made["UartEndpoint autopilot"] == {"Device": "/dev/ttyACM1", "Baud": "921600", "FlowControl": "false"}
-    assert made["UdpEndpoint daemon"] == {"Mode": "Normal", "Address": "127.0.0.1", "Port": "14550"}
+    assert made["UdpEndpoint daemon"] == {"Mode": "Normal", "Address": "127.0.0.1", "Port": "14550",
+                                          "AllowSrcCompIn": "236"}
     station = made.get("UdpEndpoint ground_station")
     assert (station and (station["Address"], station["Port"])) == endpoint
     assert "@" not in str(made)
+
+
+@pytest.mark.parametrize("vehicle", [None, "7"])
+def test_nobody_on_the_ground_speaks_as_the_vehicle(appliance, vehicle):
+    appliance.settings(ground_station__address="10.0.0.9")
+    if vehicle:
+        appliance.write("data/odid/vehicle", f"{vehicle}\n")
+    made = sections(appliance.must("/lib/odid/mavlink-router-config /dev/ttyACM1"))
+    for name, keys in made.items():
+        if "Endpoint" in name and name not in ("UartEndpoint autopilot", "UdpEndpoint daemon"):
+            assert keys["BlockSrcSysIn"] == (vehicle or "1") and keys["BlockSrcCompIn"] == "1"
+
+
+def loaded(appliance):
+    """What the firewall's script gives nft to load at once."""
+    appliance.write("usr/bin/nft", '#!/bin/sh\necho "nft $*" >>/calls\n[ "$2" != - ] || cat >/loaded\n')
+    appliance.must("/lib/odid/firewall")
+    return appliance.read("loaded")
+
+
+@pytest.mark.parametrize("address, drops", [("", False), ("none", False), ("10.0.0.9", True), ("10.0.0.9:14551", True)])
+def test_the_ground_station_is_heard_by_its_own_way_only(appliance, address, drops):
+    """A USB adapter's DHCP server took its network, and answers to its address were taken from there."""
+    appliance.settings(ground_station__address=address)
+    rule = 'insert rule inet odid input ip saddr 10.0.0.9 iifname != "eth0" counter drop'
+    assert (rule in loaded(appliance)) == drops
+
+
+def test_only_mavlink_router_reaches_the_daemon(appliance):
+    appliance.settings(mavlink__udp_port="14660")
+    rules = loaded(appliance)
+    assert 'add rule inet odid output oifname "lo" udp dport 14660 jump to_daemon' in rules
+    assert 'add rule inet odid output meta skuid mavlink oifname != lo oifname != "eth0" counter drop' in rules
+    assert rules.index("table inet odid {") < rules.index("jump to_daemon\nadd"), "all in one piece: never open between"
+    assert "-u mavlink:" in appliance.read("etc/sv/mavlink-router/run")
 
 
 def hostapd(appliance):
@@ -133,7 +239,7 @@ def test_a_hostapd_started_in_maintenance_is_open(appliance):
     appliance.write("data/secrets/maintenance.psk", KEY + "\n")
     appliance.write("run/odid-appliance/maintenance", "on\n")
     made, key = hostapd(appliance)
-    assert (made["max_num_sta"], key) == ("4", KEY)
+    assert (made["max_num_sta"], key) == ("200", KEY)
 
 
 # --- networks ---------------------------------------------------------------------------
@@ -197,10 +303,9 @@ def test_a_usb_gadget_s_console_is_for_those_who_ask(appliance):
 
 
 def test_rules_of_other_layers_are_loaded_each_time(appliance):
-    appliance.settings(mavlink__udp_address="127.0.0.1")
     appliance.write("etc/nftables.d/camera.nft", "add rule\n")
     appliance.must("/lib/odid/firewall")
-    assert appliance.calls() == ["nft -f /etc/nftables.conf", "nft -f /etc/nftables.d/camera.nft"]
+    assert appliance.calls() == ["nft -f -", "nft -f /etc/nftables.d/camera.nft"]
     assert appliance.fault("firewall") is None
     appliance.write("usr/bin/nft", '#!/bin/sh\ncase $2 in *camera*) exit 1 ;; esac\n')
     appliance.must("/lib/odid/firewall")
@@ -227,13 +332,12 @@ def test_maintenance_opens_and_closes_without_a_restart(appliance):
     closed = appliance.calls()[len(opened):]
     assert KEY not in appliance.read("run/hostapd.psk")
     cli = "hostapd_cli -p /run/hostapd -i wlan0 raw "
-    assert [call for call in opened if call.startswith("hostapd_cli")] == [cli + "RELOAD_WPA_PSK", cli + "SET max_num_sta 4"]
+    assert [call for call in opened if call.startswith("hostapd_cli")] == [cli + "RELOAD_WPA_PSK", cli + "SET max_num_sta 200"]
     assert [call for call in closed if call.startswith("hostapd_cli")] == [
         cli + "SET max_num_sta 0", cli + "RELOAD_WPA_PSK", cli + "DEAUTHENTICATE ff:ff:ff:ff:ff:ff"]
     assert 'nft add element inet odid maintenance { "wlan0", "eth0", "gadget0" }' in opened
     assert "sv up odid-web" in opened and "sv up udhcpd" in opened
-    assert "nft flush set inet odid maintenance" in closed
-    assert closed[0] == "sv down odid-web" and "sv down udhcpd" in closed
+    assert closed[:2] == ["nft flush set inet odid maintenance", "sv down odid-web"] and "sv down udhcpd" in closed
     assert not any("hostapd" in call for call in appliance.calls() if call.startswith("sv "))
 
 
@@ -248,44 +352,72 @@ def test_the_page_is_there_by_cable_whatever_the_access_point_does(appliance):
     assert appliance.calls()[-1] == "sv up odid-web"
 
 
+def decided(appliance, calls, asked=0):
+    """What it does, and that it does no more; asked: how often it asks odidctl at least, where the test counts that."""
+    appliance.change("lib/odid/maintenance-decide", ("pause 2\n", "pause 0.1\n"))
+    appliance.write("dev/kmsg", "")
+    deciding = appliance.start("exec sh /lib/odid/maintenance-decide")
+    try:
+        wait_for("what it does", lambda: len(appliance.calls()) >= len(calls) and
+                 (not asked or appliance.exists("asked") and len(appliance.read("asked").splitlines()) > asked))
+        stays("nothing more is done", lambda: len(appliance.calls()) == len(calls), 0.5)
+    finally:
+        deciding.kill()
+        deciding.wait()
+    assert appliance.calls() == calls
+
+
 def test_maintenance_that_began_by_half_is_tried_again_and_ended_by_arming(appliance):
-    appliance.write("lib/odid/armed", '#!/bin/sh\n[ "$(wc -l </calls)" -ge 2 ]\n')
+    appliance.write("usr/bin/odidctl", '''#!/bin/sh
+case $1 in
+get) echo yes ;;
+armed) [ "$(wc -l </calls)" -ge 2 ] && echo armed once 1 || echo disarmed never 1 ;;
+esac
+''')
     appliance.write("lib/odid/maintenance", '#!/bin/sh\necho "maintenance $1" >>/calls\n[ "$1" = off ]\n')
     appliance.write("calls", "")
-    appliance.settings(maintenance__at_boot="yes")
-    appliance.change("etc/sv/maintenance/run", ("pause 1\n", "pause 0.1\n"))
-    service = appliance.start("exec sh /etc/sv/maintenance/run")
-    try:
-        wait_for("its end", lambda: len(appliance.calls()) >= 3)
-        stays("nothing more is tried", lambda: len(appliance.calls()) == 3, 0.5)
-    finally:
-        service.kill()
-        service.wait()
-    assert appliance.calls() == ["maintenance on", "maintenance on", "maintenance off"]
+    decided(appliance, ["maintenance on", "maintenance on", "maintenance off"])
 
 
-@pytest.mark.parametrize("heard, armed", [
-    ([None], False),                            # never heard
-    (["false"], False),
-    (["true"], True),
-    (["true", "null"], True),                   # lost after arming: it flies on
-    (["true", None], True),                     # the daemon gives no answer
-    (["true", "null", "false"], False),
-    (["false", "null"], False),
+@pytest.mark.parametrize("words, calls", [
+    (["disarmed never 0", "unknown never 0", "disarmed never 0"], ["on"]),  # the daemon was started again
+    (["disarmed never 0", "unknown never 0"], ["on", "off"]),               # and stays away
+    (["unknown never 0"], []),                                              # nobody says that it is disarmed
+    (["disarmed once 1"], []),                                              # at boot: until the first flight
 ])
-def test_armed_is_what_was_heard_last(appliance, heard, armed):
-    for word in heard:
-        appliance.write("status.json", "" if word is None else f'{{\n  "vehicle": 1,\n  "armed": {word}\n}}\n')
-        result = appliance.run("/lib/odid/armed")
-    assert (result.returncode == 0) == armed
+def test_maintenance_and_a_daemon_that_does_not_answer(appliance, words, calls):
+    appliance.write("lib/odid/maintenance", '#!/bin/sh\necho "$1" >>/calls\n')
+    appliance.write("usr/bin/odidctl", '''#!/bin/sh
+[ "$1" = armed ] || { echo yes; exit; }
+echo >>/asked
+sed -n "$(wc -l </asked)p;\\$p" /words | head -n 1
+''')
+    appliance.write("words", "\n".join(words) + "\n")
+    appliance.write("calls", "")
+    decided(appliance, calls, asked=0 if words == ["disarmed once 1"] else len(words))
+
+
+def test_in_flight_nobody_looks_again(appliance):
+    """Until the daemon's word changes: inotifyd then runs it once more."""
+    appliance.write("armed", "armed once 1\n")
+    appliance.write("run/odid-appliance/maintenance-asked", "")
+    appliance.write("dev/kmsg", "")
+    appliance.must("sh /lib/odid/maintenance-decide y /run/odid kept")
+    assert not appliance.exists("run/odid-appliance/maintenance-asked")
+    appliance.write("run/odid-appliance/maintenance-asked", "")
+    appliance.must("sh /lib/odid/maintenance-decide n /run/odid-appliance update.json")
+    assert appliance.exists("run/odid-appliance/maintenance-asked"), "it looked for somebody else's file"
 
 
 def test_another_vehicle_than_1_is_told_to_mavlink_router_but_not_in_flight(appliance):
-    appliance.write("status.json", '{ "vehicle": 7, "armed": true }')
-    appliance.must("/lib/odid/armed")
+    appliance.must("/lib/odid/vehicle 0 disarmed")
+    assert not appliance.exists("data/odid/vehicle")
+    appliance.must("/lib/odid/vehicle 1 disarmed")
+    assert appliance.read("data/odid/vehicle") == "1\n" and appliance.calls() == []
+    for words in ("7 armed", "7 unknown"):
+        appliance.must(f"/lib/odid/vehicle {words}")
     assert appliance.read("data/odid/vehicle") == "7\n" and appliance.calls() == []
-    appliance.write("status.json", '{ "vehicle": 8, "armed": false }')
-    appliance.run("/lib/odid/armed")
+    appliance.must("/lib/odid/vehicle 8 disarmed")
     assert appliance.calls() == ["sv term mavlink-router"]
     made = sections(appliance.must("/lib/odid/mavlink-router-config /dev/ttyACM0"))
     assert made["General"]["SnifferSysid"] == "8"
@@ -294,93 +426,68 @@ def test_another_vehicle_than_1_is_told_to_mavlink_router_but_not_in_flight(appl
 # --- a stick with a bundle ------------------------------------------------------------
 
 
-STICK = {"mount": 'echo "mount $*" >>/calls; cp /stick/* /run/stick/', "umount": "rm -f /run/stick/*",
-         "blkid": 'echo "$1: LABEL=\\"X\\" UUID=\\"1-2\\" TYPE=\\"$(cat /type)\\""', "odidctl": 'echo "odidctl $*" >>/calls'}
+STICK = {"mount": 'echo "mount $*" >>/calls', "umount": "echo umount >>/calls",
+         "blkid": 'echo blkid >>/calls; echo "$1: LABEL=\\"X\\" UUID=\\"1-2\\" TYPE=\\"$(cat /type)\\""',
+         "odidctl": '[ "$1" != armed ] || { cat /armed; exec grep -qv ^disarmed /armed; }; echo "odidctl $*" >>/calls; echo said'}
+LIMITED = '#!/bin/sh\necho "limited $*" >>/calls\nshift 3\nexec "$@"\n'
 
 
 @pytest.fixture
 def stick(appliance):
-    """Plugs one in, and tells what is said of it and what is called."""
+    """Plugs one in, and tells what is called."""
     for name, command in STICK.items():
         appliance.write(f"usr/bin/{name}", f"#!/bin/sh\n{command}\n")
         (appliance.root / f"usr/bin/{name}").chmod(0o755)
-    appliance.change("lib/odid/update-stick", ("sleep 2", "sleep 0.1"))
+    appliance.write("lib/odid/limited", LIMITED)
     # Its shell would take its own applets.
     script = appliance.root / "lib/odid/update-stick"
     script.write_text(re.sub(r"\b(mount|umount|blkid) ", r"/usr/bin/\1 ", script.read_text()))
-    appliance.write("etc/odid-release", "BOARD=qemu\n")
-    appliance.write("etc/odid/version", "1.10.0\n")
-    appliance.write("run/odid-appliance/update.json", "{}\n")
-    appliance.write("lib/odid/armed", "#!/bin/sh\nfalse\n")
     (appliance.root / "run/swupdate").mkdir()
-    os.mknod(appliance.root / "run/swupdate/sockinstctrl", stat.S_IFSOCK | 0o600)
+    for name in ("swupdate/sockinstctrl", "odid-appliance/update.sock"):
+        os.mknod(appliance.root / "run" / name, stat.S_IFSOCK | 0o600)
+    appliance.write("armed", "disarmed never 1\n")
 
-    def plug(*versions, kind="vfat", meanwhile=None):
+    appliance.change("lib/odid/update-stick", ("do sleep 2; done", "do : >/waits; sleep 0.1; done"))
+
+    def plug(kind="vfat", last="umount"):
+        """What is called, up to the last one of it."""
         appliance.write("type", kind)
-        for version in versions:
-            appliance.write(f"stick/{version}.swu", f'software =\n{{\n\tversion = "{version}";\n'
-                                                    '\thardware-compatibility: [ "odid-qemu" ];\n')
         appliance.write("calls", "")
         appliance.write("dev/kmsg", "")
         # Without pipes: what it leaves running keeps them open.
         assert appliance.start("MDEV=sda1 /lib/odid/update-stick").wait(LIMIT_S) == 0
-        wait_for("the stick to be mounted", appliance.calls)
-        if meanwhile:
-            meanwhile()
-        wait_for("the stick to be done with", lambda: not appliance.exists("run/stick"))
-        return appliance.read("dev/kmsg"), [call for call in appliance.calls() if call.startswith("odidctl")]
+        # The first umount is for what an earlier one left behind.
+        wait_for(last, lambda: appliance.calls().count(last) >= (2 if last == "umount" else 1))
+        return appliance.calls()
 
     plug.appliance = appliance
     return plug
 
 
-def test_the_newest_version_on_a_stick_is_installed(stick):
-    assert stick("1.9.0", "1.10.1", "1.2.0")[1] == ["odidctl update /run/stick/1.10.1.swu"]
+@pytest.mark.parametrize("kind", ["vfat", "exfat"])
+def test_a_sticks_folder_is_offered_within_limits(stick, kind):
+    """Mounted by its type: then the kernel loads the driver, which isn't there before."""
+    assert stick(kind) == ["limited stick 50 48 /lib/odid/update-stick attend", "umount", "blkid",
+                           f"mount -t {kind} -o ro,nosuid,nodev,noexec /dev/sda1 /run/stick",
+                           "odidctl update /run/stick", "umount"]
+    assert "stick sda1: said" in stick.appliance.read("dev/kmsg")
 
 
-@pytest.mark.parametrize("version", ["1.9.0", "0.0.1"])
-def test_a_forgotten_stick_does_not_bring_an_older_version_back(stick, version):
-    said, calls = stick(version)
-    assert f"version {version}, which is older than 1.10.0" in said
-    assert calls == []
+@pytest.mark.parametrize("kind", ["ext4", "squashfs", ""])
+def test_no_other_file_system_is_mounted(stick, kind):
+    """A stick whose ext4 said errors=panic restarted the board, armed or not."""
+    assert stick(kind, last="blkid")[1:] == ["umount", "blkid"]
+    stays("it is left alone", lambda: stick.appliance.calls()[1:] == ["umount", "blkid"], 0.5)
 
 
-def test_the_version_that_runs_is_left_alone(stick):
-    said, calls = stick("1.10.0")
-    assert "which is running" in said and calls == []
-
-
-def test_what_was_rolled_back_is_not_tried_again_whatever_came_since(stick):
-    stick.appliance.write("data/odid/rolled-back", "1.11.0\n")
-    stick.appliance.write("data/odid/update.json", '{ "to": "1.12.0", "outcome": "refused" }\n')
-    said, calls = stick("1.11.0")
-    assert "was rolled back" in said and calls == []
-    assert stick("1.11.1")[1] == ["odidctl update /run/stick/1.11.1.swu"]
-
-
-def test_what_the_boot_loader_has_just_given_up_is_waited_for(stick):
-    """The service update writes it down some seconds after the stick was found."""
-    (stick.appliance.root / "run/odid-appliance/update.json").unlink()
-
-    def written_down():
-        stays("it waits", lambda: stick.appliance.exists("run/stick") and len(stick.appliance.calls()) == 1, 0.5)
-        stick.appliance.write("data/odid/rolled-back", "1.11.0\n")
-        stick.appliance.write("run/odid-appliance/update.json", "{}\n")
-    said, calls = stick("1.11.0", meanwhile=written_down)
-    assert "was rolled back" in said and calls == []
-
-
-def test_nothing_is_installed_from_a_stick_that_could_not_be_remembered(stick):
-    stick.appliance.write("run/faults/data", "/data is full.\n")
-    said, calls = stick("1.11.0")
-    assert "/data" in said and calls == []
-
-
-@pytest.mark.parametrize("kind", ["vfat", "exfat", "ext4"])
-def test_a_stick_is_mounted_by_its_type(stick, kind):
-    """Then the kernel loads the driver, which isn't there before."""
-    stick("1.11.0", kind=kind)
-    assert stick.appliance.calls()[0] == f"mount -t {kind} -o ro,nosuid,nodev,noexec /dev/sda1 /run/stick"
+@pytest.mark.parametrize("armed", ["armed once 1", "unknown once 1"])
+def test_nothing_of_a_stick_is_read_unless_disarmed(stick, armed):
+    stick.appliance.write("armed", armed)
+    limited, = stick(last="limited stick 50 48 /lib/odid/update-stick attend")
+    wait_for("it to wait", lambda: stick.appliance.exists("waits"))
+    stays("nothing is read", lambda: stick.appliance.calls() == [limited], 0.5)
+    stick.appliance.write("armed", "disarmed once 1")
+    wait_for("the bundle to be offered", lambda: "odidctl update /run/stick" in stick.appliance.calls())
 
 
 # --- settings -----------------------------------------------------------------------
@@ -405,6 +512,135 @@ def test_another_hawkbit_counts_when_no_update_is_going_on(appliance, url, told)
     wait_for("it to be told", lambda: len(swupdate_told()) >= len(told))
     time.sleep(0.5)
     assert swupdate_told() == told
+
+
+# --- what root reads -----------------------------------------------------------------
+
+
+USERS = {name: (int(uid), int(gid)) for name, uid, _, gid, *_ in
+         (line.split() for line in (ROOT / "board/common/users.txt").read_text().splitlines() if not line.startswith("#"))}
+
+
+def others_may_write(folder):
+    """What somebody else than root owns, or may write to, below that folder."""
+    found = [path for path in folder.rglob("*") if not path.is_symlink() and not stat.S_ISSOCK(path.stat().st_mode)]
+    return sorted(str(path.relative_to(folder)) for path in found if path.stat().st_uid != 0 or path.stat().st_mode & 0o022)
+
+
+@pytest.fixture
+def swupdate(appliance):
+    """An appliance on which the service swupdate can be run: SWUpdate itself only notes how it is called."""
+    for name, text in (("etc/odid/version", "1.10.0\n"), ("run/odid-appliance/slot", "a\n"), ("run/fw_env.config", "x\n"),
+                       ("etc/passwd", "root:x:0:0::/root:/bin/sh\n"),
+                       ("run/odid-appliance/update.json", '{ "state": "idle" }\n'), ("data/secrets/hawkbit-token", "a-secret\n"),
+                       ("etc/group", "".join(f"{name}:x:{gid}:\n" for name, (_, gid) in {"root": (0, 0), **USERS}.items()))):
+        appliance.write(name, text)
+    appliance.write("etc/swupdate.cfg", (OVERLAY / "etc/swupdate.cfg").read_text())
+    for name in ("swupdate", "blockdev", "renice", "chpst"):
+        appliance.write(f"usr/bin/{name}", NOTES)
+    appliance.write("usr/bin/fw_printenv", "#!/bin/sh\necho 0\n")
+    for name in ("swupdate", "blockdev", "renice", "chpst", "fw_printenv"):
+        (appliance.root / "usr/bin" / name).chmod(0o755)
+    appliance.settings(update__hawkbit_url="https://here", update__hawkbit_tenant="", update__hawkbit_id="me", basic_id__uas_id="")
+    return appliance
+
+
+def test_hawkbit_s_client_reads_its_configuration_and_nobody_else_writes_it(swupdate):
+    """Root's SWUpdate takes from it which programs it calls as root."""
+    swupdate.must("cd /etc/sv/swupdate && ./run")
+    assert [call for call in swupdate.calls() if call.startswith("swupdate ")], swupdate.calls()
+    written = swupdate.read("run/swupdate.cfg")
+    assert "a-secret" in written and f"userid = {USERS['odid-hawkbit'][0]};" in written
+    assert f"groupid = {USERS['odid-hawkbit'][1]};" in written
+    for name, mode in (("swupdate.cfg", 0o640), ("swupdate", 0o750)):
+        file = (swupdate.root / "run" / name).stat()
+        assert (file.st_uid, file.st_gid, file.st_mode & 0o777) == (0, USERS["odid-hawkbit"][1], mode)
+    assert others_may_write(swupdate.root / "run") == []
+    # The group is the client's alone: the page's user, for one, is in another.
+    assert [name for name, (_, gid) in USERS.items() if gid == USERS["odid-hawkbit"][1]] == ["odid-hawkbit"]
+
+
+# --- the first start ---------------------------------------------------------------------
+
+
+@pytest.fixture
+def first_start(appliance):
+    """What makes the host keys is left out; programs that flush note what they flush and what is there then."""
+    script = appliance.read("etc/init.d/S33secrets")
+    appliance.write("etc/init.d/S33secrets", re.sub(r"^\(sleep.*", "", script, flags=re.M))
+    appliance.write("usr/bin/fsync", '#!/bin/sh\necho "fsync $* $(ls -A /data/secrets | tr "\\n" " ")" >>/calls\n')
+    (appliance.root / "usr/bin/fsync").chmod(0o755)
+    return appliance
+
+
+def test_the_access_point_s_name_is_on_the_disk_before_it_counts(first_start):
+    first_start.must("/etc/init.d/S33secrets")
+    assert re.fullmatch(r"RemoteID-[0-9A-F]{4}\n", first_start.read("data/secrets/wifi_ssid"))
+    # Flushed under another name, then renamed: a power cut leaves all of it or nothing.
+    assert first_start.calls() == ["fsync /data/secrets/.wifi_ssid .wifi_ssid "]
+    assert re.search(r"mv \S+/\.wifi_ssid \S+/wifi_ssid \|\| ! sync -d \$secrets", first_start.read("etc/init.d/S33secrets"))
+
+
+@pytest.mark.parametrize("name", [None, "", "RemoteID-FFFF\n"])
+def test_a_name_that_was_lost_comes_back_with_the_key_that_was_made_with_it(first_start, name):
+    first_start.write("data/secrets/maintenance.psk", KEY + "\nRemoteID-0A1B\n")
+    if name is not None:
+        first_start.write("data/secrets/wifi_ssid", name)
+    first_start.must("/etc/init.d/S33secrets")
+    assert first_start.read("data/secrets/wifi_ssid") == "RemoteID-0A1B\n"
+    before = first_start.calls()
+    first_start.must("/etc/init.d/S33secrets")         # and then it stays, without being written again
+    assert first_start.calls() == before
+
+
+# --- values that get into other programs' files ----------------------------------------
+
+
+@pytest.mark.parametrize("setting", [{"broadcast__wifi_iface": "wlan0|"}, {"broadcast__wifi_iface": 'a","lo'},
+                                     {"broadcast__wifi_iface": ""}, {"wifi__country": ""}, {"wifi__channel": "6\\nx=y"}])
+def test_an_access_point_s_configuration_that_would_be_refused_is_not_put_in_place(appliance, setting):
+    appliance.must("/lib/odid/hostapd-config /run/hostapd.conf")
+    before = appliance.read("run/hostapd.conf")
+    appliance.settings(**setting)
+    assert appliance.run("/lib/odid/hostapd-config /run/hostapd.conf").returncode != 0
+    assert appliance.read("run/hostapd.conf") == before
+    assert "The one before stays." in appliance.fault("access_point")
+    appliance.settings()
+    appliance.must("/lib/odid/hostapd-config /run/hostapd.conf")
+    assert appliance.fault("access_point") is None
+
+
+def test_a_serial_number_with_a_quote_breaks_no_update(swupdate):
+    swupdate.settings(update__hawkbit_url="https://here", update__hawkbit_tenant="", update__hawkbit_id="", basic_id__uas_id='A"B')
+    swupdate.must("cd /etc/sv/swupdate && ./run")
+    assert 'A"B' not in swupdate.read("run/swupdate.cfg") and "suricatta" not in swupdate.read("run/swupdate.cfg")
+    assert "Set [update] hawkbit_id" in swupdate.fault("hawkbit")
+
+
+@pytest.fixture
+def with_config(appliance):
+    """The volume CONFIG as a folder that needs no mounting."""
+    os.makedirs(appliance.root / "dev/disk/odid")
+    os.mknod(appliance.root / "dev/disk/odid/config", 0o60600, os.makedev(7, 200))
+    appliance.write("usr/bin/fsync", NOTES)             # which Debian's BusyBox lacks
+    (appliance.root / "usr/bin/fsync").chmod(0o755)
+    script = appliance.read("etc/init.d/S40config")
+    appliance.write("etc/init.d/S40config", re.sub(r"mount -t vfat.*|umount .*", "true", script))
+    return appliance
+
+
+def test_a_token_that_was_emptied_is_forgotten(with_config):
+    with_config.write("run/config/hawkbit-token", "a-secret\n")
+    with_config.must("/etc/init.d/S40config")
+    assert with_config.read("data/secrets/hawkbit-token") == "a-secret\n"
+    (with_config.root / "run/config/hawkbit-token").unlink()    # not there: the one before counts
+    with_config.must("/etc/init.d/S40config")
+    assert with_config.exists("data/secrets/hawkbit-token")
+    for emptied in ("", " \r\n"):
+        with_config.write("data/secrets/hawkbit-token", "a-secret\n")
+        with_config.write("run/config/hawkbit-token", emptied)
+        with_config.must("/etc/init.d/S40config")
+        assert not with_config.exists("data/secrets/hawkbit-token")
 
 
 # --- services -----------------------------------------------------------------------

@@ -4,6 +4,7 @@ import json
 from collections import namedtuple
 
 from host import player, tlog
+from host.flight import BOOTED_MS
 from pymavlink.dialects.v20 import common
 
 from .world import Device
@@ -51,8 +52,12 @@ class Autopilot:
         self._link.seq = message.get_seq()
         return message.pack(self._link), tlog.as_record(message) if record else None
 
+    def boot_ms(self):
+        """Its clock now."""
+        return BOOTED_MS + (self.world.now_us - self._begun_us) // 1000
+
     def say(self, system_id, message):
-        """As another system on the same line."""
+        """As another source on the same line, of that system."""
         self.device.send(message.pack(common.MAVLink(None, srcSystem=system_id, srcComponent=1)))
 
     def close(self):

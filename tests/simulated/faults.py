@@ -12,7 +12,7 @@ from .controller import DISALLOWED, SET_DATA, SET_EXTENDED_DATA
 BLUETOOTH, WIFI, ALL = ("bt4", "bt5"), ("wifi",), ("bt4", "bt5", "wifi")
 FOREIGN_DISABLE, FOREIGN_RESET = (0x2039, bytes(2)), (0x0C03, b"")
 
-# Of a channel, in seconds of the flight: from when to when that fault took it away.
+# Of a channel, in seconds of the flight: from when to when that fault took it away. None: of no channel, but it was told.
 Window = namedtuple("Window", "channel begin_s back_s fault")
 
 
@@ -26,6 +26,7 @@ class Fault:
     end: Callable | None = None  # None: it is over at once
     longest_s: float = math.inf  # then it is over by itself
     kept: bool = False  # needs odid-keeper and the others
+    told: bool = False  # takes nothing away, but is told to the pilot; limit_s: and no longer than that after its end
 
     @property
     def restarts(self):
@@ -51,14 +52,33 @@ def lose_gnss(message):
         message.fix_type = 1
 
 
-def fly_beside(flight, until_us):
-    """Another vehicle speaks on the same line, ten times a second."""
-    now_us = flight.world.now_us
-    if now_us < until_us:
-        boot_ms = now_us // 1000
-        flight.autopilot.say(7, common.MAVLink_heartbeat_message(1, 3, 0x81, 0, 4, 3))
-        flight.autopilot.say(7, common.MAVLink_global_position_int_message(boot_ms, 600000000, 100000000, 0, 0, 0, 0, 0, 0))
-        flight.world.after(100_000, fly_beside, flight, until_us)
+def keep_saying(flight, until_us, every_us, say):
+    if flight.world.now_us < until_us:
+        say()
+        flight.world.after(every_us, keep_saying, flight, until_us, every_us, say)
+
+
+def for_5_s(every_us, say):
+    """say(flight), again and again."""
+    return lambda flight: keep_saying(flight, flight.world.now_us + 5_000_000, every_us, lambda: say(flight))
+
+
+def as_autopilot(system_id):
+    """It says that it is armed, and where nobody flies."""
+    def say(flight):
+        boot_ms = flight.autopilot.boot_ms() + 200
+        flight.autopilot.say(system_id, common.MAVLink_heartbeat_message(1, 3, 0x81, 0, 4, 3))
+        flight.autopilot.say(system_id, common.MAVLink_global_position_int_message(
+            boot_ms, 100000000, 100000000, 90000, 9000, 100, 100, 0, 0))
+    return say
+
+
+# An unknown flag; the payload is full of start bytes.
+CRAFTED = bytes([0xFD, 255, 2, 0, 0, 255, 190, 0xFD, 0xFD, 0xFD]) + b"\xfd" * 257
+
+
+def say_crafted(flight):
+    flight.autopilot.device.send(7 * CRAFTED)
 
 
 def hang(flight):
@@ -77,7 +97,7 @@ def set_clock(flight):
 
 FAULTS = (
     Fault("foreign_disable", BLUETOOTH, 0.45, lambda flight: flight.controller.command(*legacy_or_not(flight))),
-    Fault("foreign_reset", BLUETOOTH, 0.45, lambda flight: flight.controller.command(*FOREIGN_RESET)),
+    Fault("foreign_reset", BLUETOOTH, 0.5, lambda flight: flight.controller.command(*FOREIGN_RESET)),
     Fault("controller_unplugged", BLUETOOTH, 1.5, lambda flight: flight.controller.device.unplug(), plug_in_controller),
     Fault("controller_hangs", BLUETOOTH, 2.5, lambda flight: setattr(flight.controller, "hangs", True),
           lambda flight: setattr(flight.controller, "hangs", False)),
@@ -90,13 +110,15 @@ FAULTS = (
           lambda flight: flight.hostapd.order("enabled")),
     Fault("hostapd_refuses", WIFI, 1.5, lambda flight: flight.hostapd.order("fail", "2")),
     Fault("hostapd_forgets", WIFI, 0.45, lambda flight: flight.hostapd.order("forget")),
-    Fault("autopilot_unplugged", ALL, 1.6, lambda flight: flight.autopilot.device.unplug(),
+    Fault("autopilot_unplugged", ALL, 2.1, lambda flight: flight.autopilot.device.unplug(),
           lambda flight: flight.autopilot.device.plug_in()),
-    Fault("autopilot_silent", ALL, 0.7, lambda flight: setattr(flight.autopilot, "silent", True),
+    Fault("autopilot_silent", ALL, 1.2, lambda flight: setattr(flight.autopilot, "silent", True),
           lambda flight: setattr(flight.autopilot, "silent", False)),
     Fault("gnss_lost", ALL, 1.2, lambda flight: setattr(flight.autopilot, "rewrite", lose_gnss),
           lambda flight: setattr(flight.autopilot, "rewrite", None)),
-    Fault("another_vehicle", (), 0.0, lambda flight: fly_beside(flight, flight.world.now_us + 5_000_000)),
+    Fault("another_vehicle", (), 0.0, for_5_s(100_000, as_autopilot(7))),
+    Fault("forged_autopilot", (), 17.0, for_5_s(100_000, as_autopilot(1)), told=True),
+    Fault("crafted_frames", (), 0.0, for_5_s(20_000, say_crafted)),
     Fault("daemon_killed", ALL, 0.9, lambda flight: flight.world.kill(flight.world.called("odid-daemon")), kept=True),
     Fault("daemon_hangs", ALL, 0.9, hang, go_on, longest_s=3.0, kept=True),
     Fault("keeper_killed", ALL, 1.9, lambda flight: flight.kill_service("odid-keeper"), kept=True),

@@ -100,7 +100,7 @@ class Flight:
         self.at(at_s, fault.begin, self)
         if fault.end:
             self.at(at_s + seconds, fault.end, self)
-        self.windows += [Window(channel, at_s, back_s, fault) for channel in fault.channels]
+        self.windows += [Window(channel, at_s, back_s, fault) for channel in fault.channels or [None] * fault.told]
 
     def fly(self, until_s):
         """To that second of the flight."""

@@ -35,7 +35,8 @@ def broken_laws(flight, until_s):
     laws = [said_as_the_judge_has_it(flight, judgement), *(
         waits(flight, channel, name, times, until_s) for channel in flight.channels
         for name, times in (heard[channel].times if channel in heard else NOTHING_HEARD).items())]
-    laws += [good_is_true(flight, heard), bad_is_true(flight), it_is_told(flight, until_s), costs(flight, until_s)]
+    laws += [good_is_true(flight, heard), bad_is_true(flight), it_is_told(flight, until_s),
+             faults_are_told(flight, until_s), costs(flight, until_s)]
     if flight.kept:
         laws += [gaps_are_recorded(flight, heard), recorded_gaps_were(flight), clock_is_right(flight)]
     return list(chain.from_iterable(laws))
@@ -63,13 +64,18 @@ NOTHING_HEARD = {"newer position": [], "basic_id": [], "system": [], "operator_i
 def said_as_the_judge_has_it(flight, judgement):
     for one in judgement.findings.violations:
         at_s = seconds(one.mono) if one.mono else 0.0
-        if one.kind not in ABOUT_TIME and not (one.kind == "played.altitude" and just_restarted(flight, at_s)):
+        if one.kind not in ABOUT_TIME and not (one.kind in KNOWN_SOON and just_restarted(flight, at_s)):
             yield f"{one.kind} at {at_s:.3f} s on {one.channel}: {one.what}; expected {one.expected}, found {one.found}"
 
 
+# A daemon that has just begun knows the geoid's separation with the autopilot's next GPS_RAW_INT, the time with its next
+# SYSTEM_TIME.
+KNOWN_SOON, SECOND_S = ("played.altitude", "played.system_time", "played.time"), 1.0
+
+
 def just_restarted(flight, at_s):
-    """A daemon that has just begun knows the geoid's separation with the autopilot's next GPS_RAW_INT."""
-    return any(one.fault.restarts and one.begin_s <= at_s <= one.back_s + one.fault.limit_s for one in flight.windows)
+    return any(one.fault.restarts and one.begin_s <= at_s <= one.back_s + one.fault.limit_s + SECOND_S
+               for one in flight.windows)
 
 
 def normally_s(flight, what):
@@ -120,6 +126,15 @@ def bad_is_true(flight):
         if not told.good and at_s > WARM_UP_S and not any(
                 one.begin_s <= at_s <= one.back_s + one.fault.limit_s + BAD_S + late_s for one in flight.windows):
             yield f"\"{told.reason}\" at {at_s:.3f} s, and nothing was wrong"
+
+
+def faults_are_told(flight, until_s):
+    """Those that take nothing away."""
+    for one in flight.windows:
+        ends_s = one.back_s + one.fault.limit_s
+        if one.fault.told and ends_s < until_s and not any(
+                not told.good and one.begin_s < seconds(told.mono) < ends_s for told in flight.autopilot.said):
+            yield f"{one.fault.name} at {one.begin_s:.3f} s, and the pilot wasn't told"
 
 
 def it_is_told(flight, until_s):

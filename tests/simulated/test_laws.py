@@ -11,7 +11,7 @@ FLIGHT_S = 120
 BROKEN = {
     "no newer position": ("bt4: no newer position", "bt5: no newer position", "wifi: no newer position"),
     "no other message": ("bt4: no basic_id", "bt4: no system", "bt4: no operator_id", "bt4: no self_id", "bt5: no system"),
-    "told that it is bad": ('"Bluetooth 4 not on the air: absent"', '"no heartbeat from the autopilot"'),
+    "told that it is bad": ('"Bluetooth 4 off: absent"', '"no heartbeat from autopilot"'),
     "not told": ("no ARM_STATUS",),
     "recorded gaps": ("bt4: the flight record has a gap", "wifi: the flight record has a gap")}
 

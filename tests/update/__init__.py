@@ -2,5 +2,5 @@
 
 import pytest
 
-# Takes minutes: only in make update and make test-long (conftest.py).
+# Takes minutes: only in make update and make test-all (conftest.py).
 LONG = pytest.mark.long

@@ -64,7 +64,8 @@ def slot(name, changes):
             file.write_bytes(content)
             file.chmod(mode)
     target.unlink(missing_ok=True)
-    call("mksquashfs", tree, target, "-comp", "zstd", "-Xcompression-level", "3", "-b", "64K", "-all-root",
+    call("mksquashfs", tree, target, "-comp", "zstd", "-Xcompression-level", "3",
+         "-action", "uncompressed@name(Image)", "-b", "64K", "-all-root",
          "-no-xattrs", "-no-exports", "-noappend", "-no-progress", "-quiet")
     shutil.rmtree(tree)
     call(COMMON / "seal-slot.sh", target)

@@ -5,7 +5,8 @@ a setting, an update from its first octet to its commit, one that fails its tria
 another setting, one that is kept in the other slot. Then disks are made as a power cut at some instant
 would leave them (writes.py); each is booted, and has to be heard on every channel, with the version, the
 settings and the last update's result of before the cut or of after it; never with older ones than had been
-promised to whoever asked.
+promised to whoever asked. And the technician's password, which the first start takes from CONFIG, opens the access
+point: after any cut.
 
 What is done already isn't done again: build/update/power-cuts holds the record, and a line for each cut.
 A control run takes one protection out, and must fail:
@@ -16,6 +17,7 @@ A control run takes one protection out, and must fail:
 """
 
 import argparse
+import hashlib
 import json
 import queue
 import random
@@ -36,6 +38,7 @@ from .appliance import Appliance, wait_for
 FOLDER = bundles.BUILD / "power-cuts"
 CONTROLS = ("one-copy", "no-flush")
 FIRST, SECOND, THIRD = "From CONFIG", "Set by odidctl", "Set again"
+PASSWORD = "a-test-password"
 SETTINGS, SETTLED_S = 12, 6     # of the course without flushes; the file system writes by itself after 5 s
 VERSIONS = ("1.0.0", "2.0.0", "3.0.0")
 LONG_NAME, FIRST_CLUSTER = 0x0f, 26     # of an entry in a FAT directory: attributes; where a number is
@@ -71,7 +74,7 @@ class Course:
         self.log, self.base = folder / "log", folder / "base"
         self.control, self.promises, self.figures = control, [], {}
         self.machine = Recorded(folder / "machine", config={
-            "odid.conf": configuration(self_id={"description": FIRST})})
+            "odid.conf": configuration(self_id={"description": FIRST}, maintenance={"password": PASSWORD})})
         self.appliance = Appliance(machine=self.machine)
         self.machine.record(self.base, folder / "live", self.log, one_copy=control == "one-copy")
 
@@ -278,7 +281,16 @@ class Judge:
             "version": machine.must("cat /etc/odid/version").strip(),
             "description": machine.must("odidctl get self_id.description").strip(),
             "result": self._result(),
+            "locked_out": self._locked_out(),
             "faults": self._faults()}
+
+    def _locked_out(self):
+        """Why the password doesn't open the access point (its key is made of password and name); empty: it does."""
+        key, made_for = (self.machine.must("cat /data/secrets/maintenance.psk").split("\n") + ["", ""])[:2]
+        name = self.machine.must("cat /data/secrets/wifi_ssid").strip()
+        if key != hashlib.pbkdf2_hmac("sha1", PASSWORD.encode(), name.encode(), 4096, 32).hex():
+            return f"the key, made for {made_for!r}, isn't the password's for {name!r}"
+        return ""
 
     def _wait_on_air(self):
         """The version that lacks Bluetooth (the course has it fail) is on trial, and gives itself up after its minute."""
@@ -300,6 +312,8 @@ class Judge:
         under_way = len(writes.after(self.requests, boundary))
         harmless = HARMLESS_FAULTS | allowed(self.promises, "fault", boundary, under_way)
         wrong = [f"fault {name}: {text}" for name, text in found["faults"].items() if name not in harmless]
+        if found["locked_out"]:
+            wrong.append(found["locked_out"])
         for what in ("version", "description", "result"):
             values = allowed(self.promises, what, boundary, under_way)
             if found[what] not in values:

@@ -4,6 +4,8 @@ import subprocess
 import tempfile
 from pathlib import Path
 
+from host import parts
+
 REAL = """
 void *dlsym(void *handle, const char *name);
 int open(const char *path, int flags, ...);
@@ -75,8 +77,24 @@ long read(int fd, void *data, unsigned long size)
 """
 
 
+# What is given to SWUpdate is asked to be tried only.
+DRY_RUN = """
+#include <network_ipc.h>
+
+int ipc_inst_start(void)
+{
+    static struct swupdate_request request;
+
+    swupdate_prepare_req(&request);
+    request.dry_run = RUN_DRYRUN;
+    return REAL(ipc_inst_start_ext)(&request, sizeof(request));
+}
+"""
+
+
 def put(machine, source, path):
+    headers = next((parts.ROOT / "build/appliance/cache").glob("sysroot-*")) / "usr/include"
     with tempfile.NamedTemporaryFile(suffix=".so") as built:
-        subprocess.run(["aarch64-linux-gnu-gcc", "-shared", "-fPIC", "-nostdlib", "-fno-builtin", "-o", built.name,
-                        "-x", "c", "-"], input=(REAL + source).encode(), check=True)
+        subprocess.run(["aarch64-linux-gnu-gcc", "-shared", "-fPIC", "-nostdlib", "-fno-builtin", "-idirafter", headers,
+                        "-o", built.name, "-x", "c", "-"], input=(REAL + source).encode(), check=True)
         machine.put(path, Path(built.name).read_bytes())

@@ -12,7 +12,6 @@ from . import LONG, autopilot, bundles, preload
 from .appliance import wait_for
 from .bundles import NEWER, OLDER
 
-GATE = "/lib/odid/update-gate"
 
 # bundle: makes it; says: what the sentence has; arrange, undo: what has to be so on the appliance;
 # without: takes the check out, for the counter-test (None: it can't be taken out); back: puts it back.
@@ -24,16 +23,16 @@ def good():
     return bundles.bundle("good", NEWER)
 
 
-def gate_without(pattern):
-    """The gate without one of its checks: sed's address of the lines to leave out."""
-    def take_out(machine):
-        machine.must(f"sed '{pattern}d' {GATE} >/tmp/gate && chmod 755 /tmp/gate && ! cmp -s /tmp/gate {GATE} && "
-                     f"mount --bind /tmp/gate {GATE}")
-    return take_out
+def gate_open(machine):
+    """SWUpdate asks somebody else, who always says yes."""
+    machine.put("/tmp/yes", b"#!/bin/sh\nblockdev --setrw /dev/disk/odid/slot-b\n")
+    machine.must("sed 's,odid-update gate,/tmp/yes,' /etc/swupdate.cfg >/tmp/swupdate.cfg && "
+                 "! cmp -s /tmp/swupdate.cfg /etc/swupdate.cfg && mount --bind /tmp/swupdate.cfg /etc/swupdate.cfg && "
+                 "sv term swupdate && sleep 2 && [ -S /run/swupdate/sockinstctrl ]")
 
 
 def gate_back(machine):
-    machine.must(f"umount {GATE}")
+    machine.must("umount /etc/swupdate.cfg; sv term swupdate; sleep 2")
 
 
 def other_run_script(expression):
@@ -91,18 +90,19 @@ REFUSALS = (
             "signed|altered", without=any_signature, back=run_script_back),
     Refusal("older", lambda: bundles.bundle("older", OLDER), f"{OLDER} is older",
             arrange=prevent_downgrade, undo=allow_downgrade,
-            without=gate_without(r"/prevent_downgrade) in/,/^esac/"), back=gate_back),
+            without=gate_open, back=gate_back),
     Refusal("no_space",
             lambda: bundles.described(good(), "large", lambda text: re.sub(
                 r'slot-octets = "\d+"', 'slot-octets = "200000000"', text)), "200000000 octets",
-            without=gate_without(r"/^if .*octets/,/^fi/"), back=gate_back),
+            without=gate_open, back=gate_back),
     Refusal("noise", lambda: bundles.noise("noise"), "bundle"),
 )
 
 
 def untouched(appliance):
-    """What an update that is refused leaves alone."""
-    return (appliance.variables(), appliance.kept(), *(appliance.sectors_written(part) for part in (7, 6, 5, 1)))
+    """What an update that is refused leaves alone: as items, so that two of them differ by what was touched."""
+    sectors = {("sectors written", part, appliance.sectors_written(part)) for part in (7, 6, 5, 1)}
+    return set(appliance.variables().items()) | appliance.kept() | sectors
 
 
 @pytest.mark.parametrize("refusal", REFUSALS, ids=lambda refusal: refusal.name)
@@ -120,7 +120,7 @@ def test_refused_before_anything_is_written(grounded, refusal):
         assert re.search(refusal.says, result["sentence"]), result["sentence"]
         assert result["sentence"] in got.output
         assert grounded.state() == "idle"
-        assert untouched(grounded) == before
+        assert untouched(grounded) ^ before == set()
         assert grounded.protected()
         machine.wait_on_air()
     finally:
@@ -129,10 +129,9 @@ def test_refused_before_anything_is_written(grounded, refusal):
 
 
 def accepted(appliance, bundle):
-    """Is it installed? Nobody restarts the board for it, and afterwards it is as before."""
+    """Is it installed? The restart for it is prevented, and afterwards all is as before."""
     machine = appliance.machine
-    # The gate asks for it.
-    machine.must("""sv down update; sleep 1; echo '{ "state": "checking" }' >/run/odid-appliance/update.json""")
+    appliance.begin(bundle)
     try:
         appliance.begin(bundle)
         try:
@@ -142,9 +141,10 @@ def accepted(appliance, bundle):
         except TimeoutError:
             return False
     finally:
+        machine.must("sv down update")      # it would restart the board five seconds after the mark
         appliance.ended()
         machine.must("fw_setenv upgrade_available 0; fw_setenv trial; blockdev --setro /dev/disk/odid/slot-b; "
-                     "sv up update; sleep 1")
+                     "rm -f /data/odid/trial.json; sv up update; sleep 1")
         appliance.wait_ready()
 
 
@@ -245,6 +245,30 @@ def test_with_a_second_swupdate_it_would_be_written_meanwhile(grounded):
         grounded.ended()
 
 
+def test_a_dry_run_is_no_update(grounded):
+    """SWUpdate says "success" at its end; that restarted the board, with nothing written."""
+    machine, before, starts = grounded.machine, untouched(grounded), grounded.starts()
+    preload.put(machine, preload.DRY_RUN, "/tmp/dry.so")
+    got = machine.run(f"LD_PRELOAD=/tmp/dry.so odidctl update {grounded.server.url(good())}")
+    assert got.code == 1 and "nothing is marked" in got.output, got.output
+    assert grounded.state() == "idle" and untouched(grounded) ^ before == set() and grounded.protected()
+    time.sleep(6)       # it would restart five seconds after an install
+    assert grounded.starts() == starts and machine.must("odidctl update").startswith("No update")
+
+
+def test_it_can_be_called_off(grounded):
+    machine, bundle = grounded.machine, good()
+    before = grounded.variables(), grounded.kept()
+    assert machine.run("odidctl update cancel").code == 1
+    grounded.begin(bundle, rate=bundle.stat().st_size // 30)
+    grounded.wait_state("installing")
+    assert machine.must("odidctl update cancel") == "The update is called off.\n"
+    assert grounded.ended()[0] == 1
+    assert "called off" in grounded.result()["sentence"]
+    assert (grounded.variables(), grounded.kept()) == before and grounded.protected()
+    grounded.wait_ready()
+
+
 # As long as nobody listened to it, SWUpdate keeps what it said.
 def test_refused_as_soon_as_swupdate_is_there(grounded):
     machine = grounded.machine
@@ -261,12 +285,12 @@ def test_not_while_nobody_watches(grounded):
     """Else the autopilot isn't told, and it would be written on when armed."""
     machine = grounded.machine
     before = untouched(grounded)
-    machine.must("sv down update; sleep 1; rm -f /run/odid-appliance/update-refused")
+    machine.must("sv down update; sleep 1")
     try:
         got = grounded.install(good())
         assert got.code == 3 and "nothing looks after updates" in got.output, got.output
-        assert "service update doesn't answer" in machine.must("cat /run/odid-appliance/update-refused")
-        assert untouched(grounded) == before and grounded.protected()
+        assert "service update doesn't answer" in machine.run("odid-update gate").output
+        assert untouched(grounded) ^ before == set() and grounded.protected()
     finally:
         machine.must("sv up update; sleep 1")
         grounded.wait_ready()
@@ -286,12 +310,12 @@ def test_a_newer_one_is_no_downgrade(grounded):
         allow_downgrade(machine)
 
 
-# variable, its value: what U-Boot's environment has then; check: the gate's lines for it.
-Undecided = namedtuple("Undecided", "name variable value says check")
+# variable, its value: what U-Boot's environment has then.
+Undecided = namedtuple("Undecided", "name variable value says")
 UNDECIDED = (
-    Undecided("on_trial", "upgrade_available", "1", "on trial", r"/^if .*upgrade_available/,/^fi/"),
+    Undecided("on_trial", "upgrade_available", "1", "on trial"),
     # The running slot failed its trial and waits for the restart.
-    Undecided("slot_to_go_back_to", "trial_failed", "a", "failed its trial", r"/^if .*trial_failed/,/^fi/"))
+    Undecided("slot_to_go_back_to", "trial_failed", "a", "failed its trial"))
 
 
 @pytest.fixture(params=UNDECIDED, ids=lambda one: one.name)
@@ -310,7 +334,7 @@ def test_not_over_an_update_that_is_not_decided(grounded, undecided):
 
 @LONG
 def test_without_the_check_it_would_be_written_over(grounded, undecided):
-    gate_without(undecided.check)(grounded.machine)
+    gate_open(grounded.machine)
     try:
         assert accepted(grounded, good())
     finally:
@@ -354,7 +378,7 @@ def test_armed_and_lost_while_armed(grounded, armed):
         got = grounded.install(good())
         assert got.code == 1, got.output
         assert "armed" in grounded.result()["sentence"]
-        assert untouched(grounded) == before
+        assert untouched(grounded) ^ before == set()
     finally:
         machine.plug()
 
@@ -362,10 +386,11 @@ def test_armed_and_lost_while_armed(grounded, armed):
 @LONG
 @pytest.mark.parametrize("lost", [False, True], ids=["armed", "lost_while_armed"])
 def test_without_the_check_it_would_be_written_in_flight(grounded, armed, lost):
-    """odid-update, which ends SWUpdate at arming, doesn't run meanwhile (accepted())."""
+    """odid-update, which ends SWUpdate at arming, doesn't run meanwhile; accepted() starts it again."""
     if lost:
         unplugged(grounded)
-    gate_without(r"/^if .*armed/,/^fi/")(grounded.machine)
+    gate_open(grounded.machine)
+    grounded.machine.must("sv down update")
     try:
         assert accepted(grounded, good())
     finally:

@@ -9,6 +9,7 @@ import hashlib
 import http.client
 import json
 import os
+import shutil
 import socket
 import subprocess
 import threading
@@ -73,9 +74,29 @@ class Daemon:
         self.listener.close()
 
 
+class Gate:
+    """Answers on update.sock as odid-update does, each word with `answer`."""
+
+    def __init__(self, folder, answer=""):
+        self.answer, self.asked = answer, []
+        self.listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self.listener.bind(str(folder / "update.sock"))
+        self.listener.listen(1)
+        threading.Thread(target=self._serve, daemon=True).start()
+
+    def _serve(self):
+        while True:
+            connection, _ = self.listener.accept()
+            self.asked.append(connection.recv(16).decode())
+            connection.send(self.answer.encode() + b"\0")
+            connection.close()
+
+
 class Appliance:
-    def __init__(self, folder, files=FILES, flags=()):
+    def __init__(self, folder, flags=()):
         self.folder = Path(folder)
+        # A copy: the checkout may be where the serving half's user can't come, in root's own folder for instance.
+        self.files = shutil.copytree(FILES, self.folder.with_name(f"{self.folder.name}-page"))
         for name in ("data/odid/flights", "data/secrets", "faults", "run", "state", "updater"):
             (self.folder / name).mkdir(parents=True)
         (self.folder / "data/secrets").chmod(0o700)
@@ -93,7 +114,8 @@ class Appliance:
         self.place.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         self.place.bind(("127.0.0.1", 0))
         self.port = self.place.getsockname()[1]
-        self.files, self.flags = files, flags
+        self.keep()
+        self.process, self.flags = None, flags
         self.start()
 
     # --- the program ---
@@ -183,6 +205,13 @@ class Appliance:
                 place = place[step]
             place[name] = value
         self.daemon.status = status
+        self.keep()
+
+    def keep(self):
+        """As the daemon does: armed or not, when it is known."""
+        armed = self.daemon.status["aircraft"]["armed"]
+        if armed is not None:
+            self.write("run/kept", f"vehicle 1\narmed {'yes' if armed else 'no'}\narmed-once no\n")
 
     # --- asking without a browser ---
 

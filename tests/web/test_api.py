@@ -3,6 +3,7 @@
 import http.client
 import os
 import re
+import select
 import socket
 import struct
 import subprocess
@@ -10,14 +11,14 @@ import threading
 import time
 
 import pytest
-from patience import LIMIT_S, promise, wait_for
+from patience import LIMIT_S, promise, promised, stays, wait_for
 
-from .appliance import CONFIGURATION, PASSWORD, USER, process_says
+from .appliance import CONFIGURATION, PASSWORD, USER, Gate, process_says
 
 BUNDLE = os.urandom(1 << 20)
 NUMBER, SECRET = "FIN87astrdge12k8", "xyz"
 PROTECTED = [("GET", "/api/status"), ("GET", "/api/flights"), ("GET", "/api/flights/00001.jsonl"),
-             ("POST", "/api/settings"), ("POST", "/api/update")]
+             ("POST", "/api/settings"), ("POST", "/api/update"), ("DELETE", "/api/update")]
 
 
 # --- who gets in --------------------------------------------------------------------
@@ -55,6 +56,53 @@ def test_a_session_ends_with_the_program(appliance):
     appliance.stop()
     appliance.start()
     assert appliance.ask("GET", "/api/status", cookie=cookie)[0] == 401
+
+
+def slow_ones(appliance, count, octet=b"G", address="127.0.0.1"):
+    """Connections that begin a request and don't go on."""
+    made = []
+    for _ in range(count):
+        made.append(socket.create_connection(("127.0.0.1", appliance.port), source_address=(address, 0)))
+        made[-1].send(octet)
+    return made
+
+
+def test_slow_connections_keep_nobody_out(appliance):
+    """Twenty-four of them locked the page, for as long as each sent an octet now and then."""
+    cookie = appliance.login()
+    held = [one for number in range(2, 8) for one in slow_ones(appliance, 12, address=f"127.0.0.{number}")]
+    assert appliance.ask("GET", "/")[0] == 200
+    assert appliance.ask("GET", "/api/status", cookie=cookie)[0] == 200
+    assert appliance.ask("POST", "/api/session", {"password": PASSWORD})[0] == 200
+    for one in held:
+        one.close()
+
+
+def test_a_request_has_ten_seconds(appliance):
+    """Whatever comes of it meanwhile."""
+    (one,), begun = slow_ones(appliance, 1), time.monotonic()
+
+    def is_closed():
+        try:
+            one.send(b"x")
+            return bool(select.select([one], [], [], 0)[0]) and one.recv(1) == b""
+        except OSError:
+            return True
+    wait_for("its end", is_closed)
+    promised(time.monotonic() - begun > 9, "it ended before its ten seconds were over")
+    promise("its end", time.monotonic() - begun, 12)
+
+
+def test_a_session_s_connection_stays_over_many_requests(appliance):
+    cookie = appliance.login()
+    connection = http.client.HTTPConnection("127.0.0.1", appliance.port, timeout=LIMIT_S)
+    connection.connect()
+    kept = connection.sock
+
+    def goes_on():
+        connection.request("GET", "/api/status", headers={"Cookie": cookie})
+        return connection.getresponse().read() and connection.sock is kept
+    stays("it is the same connection", goes_on, 12)  # longer than a request has
 
 
 def test_wrong_passwords_are_slowed_down(appliance):
@@ -286,8 +334,8 @@ def test_no_bundle_is_begun_when_none_may_be_installed(appliance, updater, obsta
     if obstacle == "armed":
         appliance.status(aircraft__armed=True)
     elif obstacle == "lost":                    # after arming: armed is what was heard last
+        appliance.status(aircraft__armed=True)
         appliance.status(aircraft__armed=None)
-        appliance.write("state/armed", "")
     elif obstacle == "busy":
         updater.busy = True
     else:
@@ -295,6 +343,19 @@ def test_no_bundle_is_begun_when_none_may_be_installed(appliance, updater, obsta
     code, said, _ = appliance.ask("POST", "/api/update", BUNDLE, cookie=cookie)
     assert code == 409 and sentence in said["sentence"]
     assert updater.bundles == []
+
+
+@pytest.mark.parametrize("answer, code, sentence", [
+    ("", 200, "The update is called off."), ("Nothing is being installed.", 409, "Nothing is being installed.")])
+def test_an_update_is_called_off(appliance, answer, code, sentence):
+    gate = Gate(appliance.folder / "state", answer)
+    assert appliance.ask("DELETE", "/api/update", cookie=appliance.login())[:2] == (code, {"sentence": sentence})
+    assert gate.asked == ["cancel"]
+
+
+def test_nothing_is_called_off_where_nobody_looks_after_updates(appliance):
+    code, said, _ = appliance.ask("DELETE", "/api/update", cookie=appliance.login())
+    assert code == 409 and "Nobody looks after updates" in said["sentence"]
 
 
 @pytest.mark.parametrize("how", ["closed", "reset"])

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from patience import LIMIT_S, wait_for
 
-from .appliance import PASSWORD, ROOT, recorded
+from .appliance import PASSWORD, ROOT, Gate, recorded
 from .browser import LAPTOP, PHONE, Browser
 
 PICTURES = os.environ.get("ODID_PICTURES")
@@ -23,7 +23,10 @@ SILENT = '{"required":true,"first":4.4,"heard":1900.0,"silent_s":7.2,"longest_ga
 
 def refusals():
     """Every sentence that the appliance has for a bundle it doesn't take, with something for its variables."""
-    gate = re.findall(r'refuse "([^"]+)"', (ROOT / "overlay/lib/odid/update-gate").read_text())
+    offer = (ROOT / "package/odid-daemon/src/update_offer.c").read_text()
+    gate = [re.sub(r'"\s*"', "", re.sub(r'"\s*PRIu64\s*"', "s", one)).strip().strip('"') for one in
+            re.findall(r'refuse\(why, size,\s*((?:"[^"]*"|\s|PRIu64)+)', offer)]
+    assert len(gate) == 11
     installer = re.findall(r'\{"[^"]+", "([^"]+)"\}', (ROOT / "package/odid-daemon/src/update_installer.c").read_text())
     return [f"The update was refused: {re.sub(r'[$]{.+?}|[$][a-z_]+|%s', '1.3.0', sentence)}"
             for sentence in dict.fromkeys(gate + installer)]
@@ -147,7 +150,7 @@ def test_each_state_of_a_channel(browse, appliance, state, word):
 def test_partly_on_the_air_says_what_to_do(browse, appliance):
     appliance.status(on_air=False, channels__bt4__state="lost", channels__bt4__detail="hci0: no answer",
                      identity__operator_id={"operator_id": None, "source": None, "validity": None},
-                     problems=[problem("Bluetooth 4 not on the air: lost", "It is being set up again. If this lasts a "
+                     problems=[problem("Bluetooth 4 off: lost", "It is being set up again. If this lasts a "
                                        "minute, switch power off and on."),
                                problem("missing operator_id message", "Set [operator] operator_id in odid.conf."),
                                problem("time unknown: time stamps say so", "It comes with a GNSS fix.", "warning")])
@@ -156,7 +159,7 @@ def test_partly_on_the_air_says_what_to_do(browse, appliance):
     browser.sees("#state-title", "^Only partly on the air$")
     assert browser.kind("#state") == "bad" and "Don't fly" in browser.text("#state-text")
     told = browser.text("#problem-list")
-    assert told.index("Bluetooth 4 not on the air") < told.index("No operator number") < told.index("Time unknown")
+    assert told.index("Bluetooth 4 off: lost") < told.index("No operator number") < told.index("Time unknown")
     assert "Enter the number below" in told and "odid.conf" not in told
     assert "/data is full" in told
     picture(browser, "what-to-do")
@@ -169,7 +172,7 @@ def test_not_on_the_air(browse, appliance):
 
 
 def test_on_the_air_but_not_complete(browse, appliance):
-    appliance.status(problems=[problem("no position from the autopilot", "Take the aircraft outdoors.")],
+    appliance.status(problems=[problem("no position from autopilot", "Take the aircraft outdoors.")],
                      position__latitude_deg=None, position__longitude_deg=None, position__fresh=False,
                      position__age_s=None, operator__latitude_deg=None, operator__longitude_deg=None)
     browser = browse()
@@ -385,6 +388,18 @@ def test_another_update_under_way_is_shown(browse, appliance):
     browser.sees("#progress-label", "from the USB stick")
     browser.choose(bundle(appliance)) if browser.page.locator("#bundle").is_enabled() else None
     assert browser.button("Install").is_disabled()
+
+
+def test_an_update_of_whoever_can_be_called_off(browse, appliance):
+    gate = Gate(appliance.folder / "state")
+    appliance.update("installing", 10, 40, "Version 1.5.0 is being written.")
+    browser = browse()
+    browser.sees("#progress-label", "is being written")
+    browser.button("Cancel").click()
+    wait_for("the word", lambda: gate.asked == ["cancel"])
+    appliance.update("waiting-for-reboot", sentence="Version 1.5.0 is written.")    # too late for that
+    browser.sees("#progress-label", "is written")
+    assert not browser.button("Cancel").is_visible()
 
 
 def test_an_upload_that_is_cut_half_way_says_so(browse, appliance, updater):

@@ -19,7 +19,7 @@ class Updater:
         self.path = folder / "sockinstctrl"
         self.listener = socket.socket(socket.AF_UNIX)
         self.listener.bind(str(self.path))
-        self.path.chmod(0o666)              # the appliance has a group for it
+        self.path.chmod(0o600)              # root's, as on the appliance: the half that speaks HTTP can't reach it
         self.listener.listen(4)
         self.busy = False                   # says no to the next request
         self.limit = None                   # closes its end after so many octets

@@ -3,44 +3,23 @@
  *
  * An input is a first byte that chooses the configuration, and then records:
  *
- *   op         bits 0-2: stream, bit 3: a frame rather than raw bytes,
- *              bits 4-7: how much time passes before it
+ *   op         bits 0-2: stream (from 4 on a datagram's sender), bit 3: a frame
+ *              rather than raw bytes, bits 4-7: how much time passes before it
  *   raw bytes: count, bytes
  *   a frame:   message, sender, payload length, payload; the checksum is
  *              written here, which no fuzzer would find by itself
  */
-#include <common/mavlink.h>
-
+#include "frames.h"
 #include "input.h"
 #include "on_air.h"
 #include "schedule.h"
 #include "telemetry.h"
 
 #define START_US INT64_C(1000000000)
-#define COUNT(array) (sizeof(array) / sizeof((array)[0]))
 
 static const int64_t steps_us[16] = {
     0,       1000,     50000,    125000,     200000,      1000000,          2999999, 3000000,
     4000000, 10000000, 60000000, 3600000000, 86400000000, 25 * 86400000000, 1,       500000};
-
-static const uint32_t messages[] = {
-    MAVLINK_MSG_ID_HEARTBEAT,
-    MAVLINK_MSG_ID_SYSTEM_TIME,
-    MAVLINK_MSG_ID_GPS_RAW_INT,
-    MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
-    MAVLINK_MSG_ID_HOME_POSITION,
-    MAVLINK_MSG_ID_EXTENDED_SYS_STATE,
-    MAVLINK_MSG_ID_OPEN_DRONE_ID_BASIC_ID,
-    MAVLINK_MSG_ID_OPEN_DRONE_ID_LOCATION,
-    MAVLINK_MSG_ID_OPEN_DRONE_ID_AUTHENTICATION,
-    MAVLINK_MSG_ID_OPEN_DRONE_ID_SELF_ID,
-    MAVLINK_MSG_ID_OPEN_DRONE_ID_SYSTEM,
-    MAVLINK_MSG_ID_OPEN_DRONE_ID_OPERATOR_ID,
-    MAVLINK_MSG_ID_OPEN_DRONE_ID_MESSAGE_PACK,
-    MAVLINK_MSG_ID_OPEN_DRONE_ID_SYSTEM_UPDATE,
-    MAVLINK_MSG_ID_OPEN_DRONE_ID_ARM_STATUS,
-    MAVLINK_MSG_ID_ATTITUDE,
-};
 
 static const struct {
     uint8_t system, component;
@@ -130,32 +109,37 @@ static void judge(void)
     }
 }
 
+static void receive(unsigned stream, const uint8_t *octets, size_t length)
+{
+    if (stream < 4) {
+        telemetry_receive(telemetry, stream, octets, length, now_us);
+    } else {
+        telemetry_receive_datagram(telemetry, stream, octets, length, now_us);
+    }
+}
+
 static void feed_raw(unsigned stream)
 {
     size_t count = some(byte());
 
-    telemetry_receive(telemetry, stream, input.at, count, now_us);
+    receive(stream, input.at, count);
     input.at += count;
     input.left -= count;
 }
 
 static void feed_frame(unsigned stream)
 {
-    const mavlink_msg_entry_t *entry = mavlink_get_msg_entry(messages[byte() % COUNT(messages)]);
+    uint32_t id = messages[byte() % COUNT(messages)];
     size_t sender = byte() % COUNT(senders), length = some(byte());
     uint8_t frame[MAVLINK_MAX_PACKET_LEN];
     mavlink_message_t message;
 
     memset(&message, 0, sizeof(message));
-    message.msgid = entry->msgid;
     memcpy(_MAV_PAYLOAD_NON_CONST(&message), input.at, length);
     input.at += length;
     input.left -= length;
-    mavlink_finalize_message_chan(&message, senders[sender].system, senders[sender].component,
-                                  MAVLINK_COMM_0, entry->min_msg_len, entry->max_msg_len,
-                                  entry->crc_extra);
-    telemetry_receive(telemetry, stream, frame, mavlink_msg_to_send_buffer(frame, &message),
-                      now_us);
+    receive(stream, frame,
+            finish_frame(&message, id, senders[sender].system, senders[sender].component, frame));
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)

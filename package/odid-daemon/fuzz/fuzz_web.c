@@ -49,8 +49,8 @@ static void judge_refusal(const struct web_head *head)
 {
     for (enum web_route route = WEB_FILE; route <= WEB_NOWHERE; route++) {
         const char *why = web_refusal(head, route);
-        bool changes =
-            route == WEB_LOGIN || route == WEB_LOGOUT || route == WEB_SET || route == WEB_UPLOAD;
+        bool changes = route == WEB_LOGIN || route == WEB_LOGOUT || route == WEB_SET ||
+                       route == WEB_UPLOAD || route == WEB_CANCEL;
 
         MUST(why != NULL || head->host != NULL);
         MUST(why != NULL || !changes || head->page != NULL);

@@ -9,10 +9,11 @@ import struct
 
 HERE = pathlib.Path(__file__).parent
 FRAME = 8
-# steps_us, messages and senders of fuzz_telemetry.c
+# steps_us and senders of fuzz_telemetry.c, messages of frames.h
 NOW, MS, MS_200, SECOND, STALE, HOUR, DAYS_25 = 0, 1, 4, 5, 7, 11, 13
 (HEARTBEAT, SYSTEM_TIME, GPS_RAW, POSITION, HOME, LANDED, BASIC_ID, LOCATION, AUTHENTICATION,
  SELF_ID, SYSTEM, OPERATOR_ID, PACK, SYSTEM_UPDATE) = range(14)
+MESSAGES = 16
 VEHICLE, GROUND_STATION = 0, 2
 UNIX_US = 1790000000000000
 
@@ -177,8 +178,55 @@ def message_inputs():
         yield f"numbers_{offset}", b"\x46" + struct.pack(f"<{len(doubles)}d", *doubles)
 
 
+def framing_inputs():
+    """The frames that cost most to find out about, or that hide another one."""
+    good = mavlink_2_position(1000)
+    header = bytes([0xFD, 255, 2, 0, 0, 1, 1, 0xFD, 0xFD, 0xFD])
+    yield "ordinary", mavlink_1_heartbeat() + good * 8
+    yield "unknown_flags_of_start_bytes", header + b"\xfd" * 257
+    yield "unknown_flags_of_headers", header + (b"\xfd\xff\x02" * 86)[:257]
+    yield "unknown_flags_of_first_versions", header + b"\xfe\xff" * 128 + b"\xfe"
+    yield "unknown_flags_of_first_starts", header + b"\xfe" * 257
+    yield "unknown_id_of_start_bytes", bytes([0xFD, 255, 0, 0, 0, 1, 1, 0x60, 0xEA, 0]) + b"\xfd" * 257
+    yield "signed_and_unknown", bytes([0xFD, 255, 3]) + b"\xfd" * 277
+    yield "start_bytes", b"\xfd" * 300
+    yield "start_bytes_1", b"\xfe" * 300
+    # Long frames of known messages, each beginning within the one before: checksums over and over.
+    yield "overlapping", b"\xfd\xff\0\0\0\0\0\0\0\0" * 60
+    yield "overlapping_closely", b"\xfd\xfd\0\0\0" * 120
+    yield "overlapping_1", b"\xfe\x33\x01\x00\x00\x54" * 80
+    yield "overlapping_1_closely", b"\xfe\x1c\x21" * 120
+    yield "short_frames", bytes([0xFD, 1, 0, 0, 0, 1, 1, 0, 0, 0, 0, 0, 0]) * 30
+    yield "wrapped", header[:1] + bytes([len(good)]) + header[2:] + good + b"\0\0" + good
+    yield "wrapped_unknown_id", (bytes([0xFD, len(good), 0, 0, 0, 1, 1, 0x60, 0xEA, 0]) + good + b"\0\0"
+                                 + good)
+
+
+def others(after_ms, message, octets=b"", sender=0, stream=9, number=0, offset=0):
+    """A record of fuzz_sources.c."""
+    return bytes([after_ms // 4, stream, sender, message, number, len(octets), offset]) + octets
+
+
+def sources_inputs():
+    for label, as_vehicle in (("strangers", b"\0"), ("impostors", b"\1")):
+        yield f"{label}_say_disarmed", as_vehicle + others(100, HEARTBEAT, b"\1", offset=6) * 60
+        yield f"{label}_elsewhere", as_vehicle + others(100, POSITION, struct.pack("<i", 100000000), offset=4) * 60
+        yield f"{label}_are_younger", as_vehicle + others(100, POSITION, struct.pack("<I", 1000)) * 60
+        away = [others(0, POSITION, struct.pack("<i", 577090000 + 700 * step), offset=4, number=step) for step in range(200)]
+        yield f"{label}_walk_away", as_vehicle + b"".join(away)
+        yield f"{label}_walk_away_and_stay", as_vehicle + b"".join(away) + others(
+            100, POSITION, struct.pack("<i", 577090000 + 700 * 199), offset=4) * 90
+        yield f"{label}_tell_the_time", as_vehicle + others(100, SYSTEM_TIME, struct.pack("<Q", UNIX_US + 10**11)) * 60
+        yield f"{label}_are_a_ground_station", as_vehicle + others(100, HEARTBEAT, b"\6\x08\0", offset=4) * 60
+        yield f"{label}_native", as_vehicle + others(100, LOCATION, struct.pack("<ii", 570000000, 110000000)) * 60
+        for sender in range(1, 8):
+            yield f"{label}_{sender}", as_vehicle + b"".join(
+                others(40, message, sender=sender) for message in range(MESSAGES))
+
+
 def main():
-    for name, inputs in (("telemetry", telemetry_inputs), ("messages", message_inputs)):
+    for name, inputs in (("telemetry", telemetry_inputs), ("messages", message_inputs),
+                         ("framing", framing_inputs), ("sources", sources_inputs)):
         folder = HERE / "corpus" / name
         folder.mkdir(parents=True, exist_ok=True)
         for label, data in inputs():

@@ -2,10 +2,11 @@
  * What is known of the aircraft, from which source, since when.
  *
  * Pure: holds the rules of priority and freshness, and never reads a clock.
- * Per group of fields (position, motion, status, operator location) the best
- * fresh source speaks: native Open Drone ID messages, else plain telemetry,
- * else configuration. For the identity it is the other way round: what is
- * configured speaks, native fills what isn't, and a difference is reported.
+ * The newest position speaks, of the native Open Drone ID messages or of plain
+ * telemetry, and only where a GNSS fix is known; each other field comes from
+ * the same source, or from the other one where that doesn't know it. For the
+ * identity what is configured speaks, native fills what isn't, and a difference
+ * is reported.
  *
  * Fresh means that the source's own timestamp moved within the last 3 s, not
  * that a packet came. What isn't known is NAN here and "unknown" on the air;
@@ -100,17 +101,20 @@ struct aircraft_view {
 
 /* What the autopilot says besides, for status and pilot. */
 struct aircraft_condition {
-    bool armed;
+    bool armed; /* arming.h */
     bool emergency;
     bool heartbeat_fresh;
     bool time_known;
     int64_t unix_us; /* UTC now, when time_known */
     bool takeoff_known;
-    bool takeoff_is_home; /* armed before we started, or unheard: its home stands in */
+    bool takeoff_is_home;     /* armed unheard or without a fix: its home stands in */
+    bool takeoff_is_late;     /* armed without a fix: the first one on the ground stands in */
+    bool fix_known;           /* the autopilot's, within the last 3 s */
+    bool vertical_inverted;   /* it sends vertical speed upside down: set right (vertical.h) */
+    int64_t operator_ahead_s; /* the ground station's clock; 0 while not known */
     uint8_t mav_type, autopilot;
     unsigned autopilot_restarts;
-    double position_rate_hz; /* new positions a second over the last 5 s; NAN before */
-    bool position_native;    /* that rate is of native LOCATION messages */
+    double position_rate_hz; /* new positions a second of the source that speaks; NAN unknown */
     uint8_t basic_id_conflict, operator_id_conflict; /* native differs from configured: 1 */
 };
 
@@ -129,9 +133,15 @@ void aircraft_view(const struct aircraft *aircraft, int64_t now_us, struct aircr
 void aircraft_condition(const struct aircraft *aircraft, int64_t now_us,
                         struct aircraft_condition *condition);
 
-/* The frozen take-off point, to be kept over a restart, and given back after one. It is used only
- * when the first HEARTBEAT says armed: then the arming edge was before our time. */
+/* The frozen take-off point, to be kept over a restart. */
 const struct aircraft_takeoff *aircraft_takeoff(const struct aircraft *aircraft);
+/* As it was before a restart: it ends by the autopilot's word only (arming.h). */
+void aircraft_restore_armed(struct aircraft *aircraft, bool armed);
+/* The autopilot had a fix just before: positions count until GPS_RAW_INT says otherwise, or for 3
+ * s. */
+void aircraft_restore_fix(struct aircraft *aircraft, int64_t now_us);
+/* After that. It counts at once where it was armed, and when the first HEARTBEAT says armed: then
+ * the arming edge was before our time. */
 void aircraft_restore_takeoff(struct aircraft *aircraft, const struct aircraft_takeoff *takeoff);
 
 /*

@@ -5,67 +5,12 @@
 
 #include "aircraft_state.h"
 
-/* Data are at most this old when sent, ASTM F3411: where there is a newer position, it is taken. */
-#define NATIVE_PREFERRED_US 1000000
 /* Below this speed the course over ground is noise. */
 #define COURSE_MIN_MPS 0.3
 /* A Location timestamp says when within the hour: an older position can't be dated any more. */
 #define POSITION_KEPT_US INT64_C(3590000000)
 
 /* ---- position ---- */
-
-/*
- * Is the native LOCATION what speaks? While it is fresh; but one of over a
- * second gives way to newer telemetry: a message that was lost must not age
- * what is sent.
- */
-static bool native_speaks(const struct aircraft *aircraft, int64_t now_us)
-{
-    int64_t native_us = aircraft->native.fix_us, telemetry_us = aircraft->telemetry.fix_us;
-
-    return aircraft_fresh(native_us, now_us) &&
-           (now_us - native_us <= NATIVE_PREFERRED_US || telemetry_us <= native_us);
-}
-
-const struct aircraft_fix *aircraft_best_fix(const struct aircraft *aircraft, int64_t now_us)
-{
-    if (native_speaks(aircraft, now_us) && !isnan(aircraft->native.latitude_deg)) {
-        return &aircraft->native;
-    }
-    if (aircraft_fresh(aircraft->telemetry.fix_us, now_us)) {
-        return &aircraft->telemetry;
-    }
-    return NULL;
-}
-
-/* The last position that is still worth saying, when no source is fresh. */
-static const struct aircraft_fix *last_fix(const struct aircraft *aircraft, int64_t now_us)
-{
-    const struct aircraft_fix *fix = &aircraft->telemetry;
-
-    if (!isnan(aircraft->native.latitude_deg) && aircraft->native.fix_us > fix->fix_us) {
-        fix = &aircraft->native;
-    }
-    if (fix->fix_us == INT64_MIN || now_us - fix->fix_us > POSITION_KEPT_US) {
-        return NULL;
-    }
-    return fix;
-}
-
-double aircraft_geodetic_m(const struct aircraft *aircraft, const struct aircraft_fix *fix)
-{
-    return fix == &aircraft->native ? aircraft->native_location.altitude_geodetic_m
-                                    : fix->altitude_msl_m + aircraft->separation_m;
-}
-
-/* relative_alt is above home, which can move in flight: it counts only before arming. */
-static double height_m(const struct aircraft *aircraft, const struct aircraft_fix *fix)
-{
-    if (aircraft->takeoff.known) {
-        return fix->altitude_msl_m - aircraft->takeoff.altitude_msl_m;
-    }
-    return aircraft->armed ? NAN : fix->relative_altitude_m;
-}
 
 static double hour_seconds_at(const struct aircraft *aircraft, int64_t at_us)
 {
@@ -95,20 +40,22 @@ static int speed_code(float accuracy_mps)
     return createEnumSpeedAccuracy(accuracy_mps);
 }
 
-/* Altitudes and accuracies that nothing better has said. */
+/*
+ * Each field comes from the source whose position it is, and from the other one
+ * where that doesn't know it.
+ */
 static void fill_from_telemetry(const struct aircraft *aircraft, int64_t now_us,
                                 struct aircraft_location *out)
 {
-    const struct aircraft_fix *fix = &aircraft->telemetry;
-
     if (isnan(out->altitude_geodetic_m)) {
-        out->altitude_geodetic_m = aircraft_geodetic_m(aircraft, fix);
+        out->altitude_geodetic_m = aircraft_geodetic_m(aircraft, &aircraft->telemetry);
     }
     if (isnan(out->height_m)) {
-        out->height_m = height_m(aircraft, fix);
+        out->height_m = aircraft_height_m(aircraft);
         out->height_above_ground = false;
     }
-    if (!aircraft_fresh(aircraft->gps_us, now_us)) {
+    /* Accuracies go with the fix: a filter that coasts has others. */
+    if (!aircraft_fresh(aircraft->gps_us, now_us) || !aircraft_fix_known(aircraft, now_us)) {
         return;
     }
     if (out->horizontal_accuracy == 0) {
@@ -119,12 +66,41 @@ static void fill_from_telemetry(const struct aircraft *aircraft, int64_t now_us,
     }
 }
 
+static void fill_from_native(const struct aircraft *aircraft, int64_t now_us,
+                             struct aircraft_location *out)
+{
+    const struct aircraft_native_location *native = &aircraft->native_location;
+
+    out->altitude_barometric_m = native->altitude_barometric_m; /* telemetry has none */
+    out->barometer_accuracy = native->received.location.barometer_accuracy;
+    if (isnan(out->altitude_geodetic_m)) {
+        out->altitude_geodetic_m = native->altitude_geodetic_m;
+    }
+    if (isnan(out->height_m)) {
+        out->height_m = native->received.location.height_m;
+        out->height_above_ground =
+            native->received.location.height_reference == MAV_ODID_HEIGHT_REF_OVER_GROUND;
+    }
+    if (!aircraft_fix_known(aircraft, now_us)) {
+        return;
+    }
+    if (out->horizontal_accuracy == 0) {
+        out->horizontal_accuracy = native->received.location.horizontal_accuracy;
+    }
+    if (out->vertical_accuracy == 0) {
+        out->vertical_accuracy = native->received.location.vertical_accuracy;
+    }
+}
+
 static void view_telemetry_position(const struct aircraft *aircraft, int64_t now_us,
                                     struct aircraft_location *out)
 {
     out->position_source = SOURCE_TELEMETRY;
     out->timestamp_s = hour_seconds_at(aircraft, aircraft->telemetry.fix_us);
     fill_from_telemetry(aircraft, now_us, out);
+    if (aircraft_native_fresh(aircraft, now_us)) {
+        fill_from_native(aircraft, now_us, out);
+    }
 }
 
 static void view_native_position(const struct aircraft *aircraft, int64_t now_us,
@@ -133,18 +109,11 @@ static void view_native_position(const struct aircraft *aircraft, int64_t now_us
     const struct aircraft_native_location *native = &aircraft->native_location;
 
     out->position_source = SOURCE_NATIVE;
-    out->altitude_geodetic_m = native->altitude_geodetic_m;
-    out->altitude_barometric_m = native->altitude_barometric_m;
-    out->height_m = native->received.location.height_m;
-    out->height_above_ground =
-        native->received.location.height_reference == MAV_ODID_HEIGHT_REF_OVER_GROUND;
-    out->horizontal_accuracy = native->received.location.horizontal_accuracy;
-    out->vertical_accuracy = native->received.location.vertical_accuracy;
-    out->barometer_accuracy = native->received.location.barometer_accuracy;
     if (native->instant_known) {
         out->timestamp_s = hour_seconds_at(aircraft, aircraft->native.fix_us);
         out->timestamp_accuracy = native->received.location.timestamp_accuracy;
     }
+    fill_from_native(aircraft, now_us, out);
     if (aircraft_fresh(aircraft->telemetry.fix_us, now_us)) {
         fill_from_telemetry(aircraft, now_us, out);
     }
@@ -163,9 +132,9 @@ static void view_position(const struct aircraft *aircraft, int64_t now_us,
         return;
     }
     if (fix == NULL) {
-        fix = last_fix(aircraft, now_us);
+        fix = aircraft_last_fix(aircraft);
     }
-    if (fix == NULL) {
+    if (fix == NULL || now_us - fix->fix_us > POSITION_KEPT_US) {
         return;
     }
     out->fix_us = fix->fix_us;
@@ -178,7 +147,7 @@ static void view_position(const struct aircraft *aircraft, int64_t now_us,
     }
 }
 
-/* ---- motion ---- */
+/* ---- motion: of the source whose position it is ---- */
 
 static bool native_motion_known(const struct aircraft *aircraft)
 {
@@ -188,9 +157,8 @@ static bool native_motion_known(const struct aircraft *aircraft)
            !isnan(native->location.vertical_speed_mps);
 }
 
-/* What no native message has said. */
-static void fill_motion(const struct aircraft *aircraft, int64_t now_us,
-                        struct aircraft_location *out)
+static void fill_motion_from_telemetry(const struct aircraft *aircraft, int64_t now_us,
+                                       struct aircraft_location *out)
 {
     const struct aircraft_fix *fix = &aircraft->telemetry;
     double speed_mps = hypot(fix->north_mps, fix->east_mps);
@@ -209,72 +177,31 @@ static void fill_motion(const struct aircraft *aircraft, int64_t now_us,
     }
 }
 
+static void fill_motion_from_native(const struct aircraft *aircraft, struct aircraft_location *out)
+{
+    const struct telemetry_update *native = &aircraft->native_location.received;
+
+    out->direction_deg = native->location.direction_deg;
+    out->speed_mps = native->location.speed_mps;
+    out->vertical_speed_mps = native->location.vertical_speed_mps;
+    out->speed_accuracy = native->location.speed_accuracy;
+}
+
 static void view_motion(const struct aircraft *aircraft, int64_t now_us,
                         struct aircraft_location *out)
 {
     bool telemetry = aircraft_fresh(aircraft->telemetry.fix_us, now_us);
+    bool native = aircraft_native_fresh(aircraft, now_us) && native_motion_known(aircraft) &&
+                  (!telemetry || out->position_source == SOURCE_NATIVE);
 
-    if (native_speaks(aircraft, now_us) && native_motion_known(aircraft)) {
-        const struct telemetry_update *native = &aircraft->native_location.received;
-
+    if (native) {
         out->motion_source = SOURCE_NATIVE;
-        out->direction_deg = native->location.direction_deg;
-        out->speed_mps = native->location.speed_mps;
-        out->vertical_speed_mps = native->location.vertical_speed_mps;
-        out->speed_accuracy = native->location.speed_accuracy;
+        fill_motion_from_native(aircraft, out);
     } else if (telemetry) {
         out->motion_source = SOURCE_TELEMETRY;
     }
     if (telemetry) {
-        fill_motion(aircraft, now_us, out);
-    }
-}
-
-/* ---- status ---- */
-
-static enum aircraft_status telemetry_status(const struct aircraft *aircraft, int64_t now_us)
-{
-    if (!aircraft_fresh(aircraft->heartbeat_us, now_us)) {
-        return AIRCRAFT_UNDECLARED;
-    }
-    if (aircraft->system_status == MAV_STATE_EMERGENCY) {
-        return AIRCRAFT_EMERGENCY;
-    }
-    if (aircraft_fresh(aircraft->landed_us, now_us)) {
-        switch (aircraft->landed_state) {
-        case MAV_LANDED_STATE_ON_GROUND:
-            return AIRCRAFT_GROUND;
-        case MAV_LANDED_STATE_IN_AIR:
-        case MAV_LANDED_STATE_TAKEOFF:
-        case MAV_LANDED_STATE_LANDING:
-            return AIRCRAFT_AIRBORNE;
-        default:
-            break;
-        }
-    }
-    return aircraft->armed ? AIRCRAFT_AIRBORNE : AIRCRAFT_GROUND;
-}
-
-static void view_status(const struct aircraft *aircraft, int64_t now_us,
-                        struct aircraft_location *out)
-{
-    uint8_t native = aircraft->native_location.received.location.status;
-    bool starting = now_us - aircraft->start_us < AIRCRAFT_FRESH_US;
-    bool bench = out->position_source == SOURCE_CONFIGURATION;
-
-    out->status = telemetry_status(aircraft, now_us);
-    out->status_source = out->status == AIRCRAFT_UNDECLARED ? SOURCE_NONE : SOURCE_TELEMETRY;
-    /* An emergency counts from whichever source says so. */
-    if (aircraft_fresh(aircraft->native.fix_us, now_us) && native != AIRCRAFT_UNDECLARED &&
-        native <= AIRCRAFT_REMOTE_ID_FAILURE && out->status != AIRCRAFT_EMERGENCY) {
-        out->status = native;
-        out->status_source = SOURCE_NATIVE;
-    }
-    if (out->status == AIRCRAFT_EMERGENCY || starting || bench) {
-        return; /* an emergency that is known now is worth more than what else is missing */
-    }
-    if (!out->position_fresh || !aircraft_fresh(aircraft->heartbeat_us, now_us)) {
-        out->status = AIRCRAFT_REMOTE_ID_FAILURE;
+        fill_motion_from_telemetry(aircraft, now_us, out);
     }
 }
 
@@ -288,5 +215,5 @@ void aircraft_view_location(const struct aircraft *aircraft, int64_t now_us,
     out->timestamp_s = NAN;
     view_position(aircraft, now_us, out);
     view_motion(aircraft, now_us, out);
-    view_status(aircraft, now_us, out);
+    aircraft_view_status(aircraft, now_us, out);
 }

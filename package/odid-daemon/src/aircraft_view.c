@@ -7,8 +7,6 @@
 
 #include "aircraft_state.h"
 
-#define UNIX_2019_S INT64_C(1546300800)
-
 /* ---- identity: what is configured speaks, native fills what isn't ---- */
 
 static uint8_t configured_ua_type(const struct aircraft *aircraft, int configured)
@@ -112,23 +110,32 @@ static uint32_t utc_2019_s(const struct aircraft *aircraft, int64_t now_us)
     return since_s > 0 && since_s <= UINT32_MAX ? (uint32_t)since_s : 0;
 }
 
+static bool operator_told(const struct aircraft *aircraft, int64_t now_us)
+{
+    return aircraft->operator_us != INT64_MIN &&
+           now_us - aircraft->operator_us < AIRCRAFT_OPERATOR_KEPT_US;
+}
+
 static void view_operator(const struct aircraft *aircraft, int64_t now_us,
                           struct aircraft_system *out)
 {
     const struct aircraft_native_system *native = &aircraft->native_system;
     const struct config *config = aircraft->config;
 
+    /* A ground station's clock counts only where the autopilot's isn't known. */
     out->timestamp_2019_s = utc_2019_s(aircraft, now_us);
     out->operator_location_type = config->operator_location_type;
     out->operator_latitude_deg = out->operator_longitude_deg = NAN;
     out->operator_altitude_m = NAN;
-    if (aircraft_fresh(aircraft->operator_us, now_us) && !isnan(native->latitude_deg)) {
+    if (operator_told(aircraft, now_us) && !isnan(native->latitude_deg)) {
         out->operator_source = SOURCE_NATIVE;
         out->operator_location_type = native->operator_location_type;
         out->operator_latitude_deg = native->latitude_deg;
         out->operator_longitude_deg = native->longitude_deg;
         out->operator_altitude_m = native->altitude_m;
-        out->timestamp_2019_s = native->timestamp_2019_s;
+        if (out->timestamp_2019_s == 0) {
+            out->timestamp_2019_s = native->timestamp_2019_s;
+        }
     } else if (aircraft->takeoff.known) {
         out->operator_source = SOURCE_TELEMETRY;
         out->operator_location_type = ODID_OPERATOR_LOCATION_TYPE_TAKEOFF;
@@ -193,15 +200,6 @@ static bool basic_id_conflict(const struct aircraft *aircraft)
     return false;
 }
 
-/* A window that is never closed, because nothing comes, counts as it stands. */
-static double position_rate_hz(const struct aircraft *aircraft, int64_t now_us)
-{
-    int64_t window_us = now_us - aircraft->rate_from_us;
-
-    return window_us > 2 * AIRCRAFT_RATE_WINDOW_US ? aircraft->rate_count * 1e6 / (double)window_us
-                                                   : aircraft->rate_hz;
-}
-
 void aircraft_condition(const struct aircraft *aircraft, int64_t now_us,
                         struct aircraft_condition *condition)
 {
@@ -210,18 +208,24 @@ void aircraft_condition(const struct aircraft *aircraft, int64_t now_us,
     memset(condition, 0, sizeof(*condition));
     condition->armed = aircraft->armed;
     condition->heartbeat_fresh = aircraft_fresh(aircraft->heartbeat_us, now_us);
-    condition->emergency =
-        condition->heartbeat_fresh && aircraft->system_status == MAV_STATE_EMERGENCY;
+    condition->emergency = aircraft_is_emergency(aircraft, now_us);
     condition->time_known = aircraft->clock.utc_known;
     condition->unix_us =
         condition->time_known ? autopilot_clock_unix_us(&aircraft->clock, now_us) : 0;
     condition->takeoff_known = aircraft->takeoff.known;
     condition->takeoff_is_home = aircraft->takeoff_is_home;
+    condition->takeoff_is_late = aircraft->takeoff_is_late;
     condition->mav_type = aircraft->mav_type;
     condition->autopilot = aircraft->autopilot;
     condition->autopilot_restarts = aircraft->clock.restarts;
-    condition->position_rate_hz = position_rate_hz(aircraft, now_us);
-    condition->position_native = aircraft->rate_native;
+    condition->position_rate_hz = aircraft_rate_hz(
+        aircraft_best_fix(aircraft, now_us) == &aircraft->native ? &aircraft->native_rate
+                                                                 : &aircraft->telemetry_rate,
+        now_us);
+    condition->vertical_inverted = aircraft->vertical.inverted;
+    condition->fix_known = aircraft_fix_known(aircraft, now_us);
+    condition->operator_ahead_s =
+        operator_told(aircraft, now_us) ? aircraft->native_system.ahead_s : 0;
     condition->basic_id_conflict = basic_id_conflict(aircraft);
     condition->operator_id_conflict =
         config->operator_id[0] != '\0' && aircraft->native_operator_id[0] != '\0' &&

@@ -4,7 +4,9 @@
  *
  * Pure. A board without a clock battery knows no time but the autopilot's.
  * Both mappings hold over silence, are carried over an autopilot's restart,
- * and survive the wrap of its 32-bit milliseconds after 49.7 days.
+ * and survive the wrap of its 32-bit milliseconds after 49.7 days. A clock that
+ * ran slow for a while, or a simulator's that stood still, is learnt again
+ * within 10 s.
  */
 #ifndef ODID_AUTOPILOT_CLOCK_H
 #define ODID_AUTOPILOT_CLOCK_H
@@ -16,8 +18,11 @@ struct autopilot_clock {
     bool boot_known;
     uint32_t last_boot_ms;
     int64_t last_boot_us;   /* the same, not wrapped */
-    int64_t offset_us;      /* our clock minus boot time: the least delayed arrival tells */
-    int64_t offset_at_us;   /* when it was last looked at */
+    int64_t offset_us;      /* our clock minus boot time: the least delayed arrival tells, ... */
+    int64_t least_us[2];    /* ... of this window and of the one before */
+    int64_t window_us;      /* when this window began */
+    int64_t heard_us;       /* the last boot time */
+    unsigned ahead_seen;    /* boot times in a row that were stamped in the future */
     unsigned backward_seen; /* boot times in a row that were earlier than the newest, ... */
     uint32_t backward_ms;   /* ... the last of them */
     bool utc_known;
@@ -37,11 +42,13 @@ int64_t autopilot_clock_boot(struct autopilot_clock *clock, uint32_t boot_ms, in
                              bool *restarted);
 
 /*
- * Takes a SYSTEM_TIME. A time outside 2010-2100 is no GNSS time and ignored; a
- * step of more than a second is believed at its third time in a row.
+ * Takes a SYSTEM_TIME. A time outside 2010-2100 is no GNSS time and ignored;
+ * another one counts when a fix confirms it (an autopilot without one says what
+ * it likes: 2042 was seen), or when it goes on with what is known. A step of
+ * more than a second is believed at its third time in a row.
  */
 void autopilot_clock_utc(struct autopilot_clock *clock, uint64_t unix_us, uint32_t boot_ms,
-                         int64_t now_us);
+                         bool fix_known, int64_t now_us);
 
 /* UTC (Unix, microseconds) at an instant of our clock. Only when utc_known. */
 int64_t autopilot_clock_unix_us(const struct autopilot_clock *clock, int64_t at_us);

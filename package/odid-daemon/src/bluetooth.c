@@ -205,6 +205,9 @@ static void set_payload(enum bluetooth_set which, const uint8_t *data, size_t le
         return;
     }
     set = &adapter->sets[which];
+    if (set->pending) {
+        radio_replaced(set->radio);
+    }
     memcpy(set->payload, data, length);
     set->length = length;
     set->pending = true;
@@ -227,6 +230,25 @@ bool bluetooth_waits(enum channel channel)
     const struct bluetooth_adapter *adapter = adapter_with(which);
 
     return adapter != NULL && adapter->sets[which].pending;
+}
+
+enum bluetooth_fit bluetooth_legacy_fit(int64_t until_us, int64_t next_us, int64_t now_us)
+{
+    const struct bluetooth_adapter *adapter = adapter_with(BLUETOOTH_LEGACY);
+    int64_t from_us;
+
+    if (adapter == NULL) {
+        return BLUETOOTH_FITS_NOT;
+    }
+    from_us = bluetooth_held_until_us(adapter, BLUETOOTH_LEGACY);
+    from_us = from_us > now_us ? from_us : now_us;
+    if (from_us >= until_us ||
+        next_us - from_us < 2 * bluetooth_hold_us(adapter, BLUETOOTH_LEGACY)) {
+        return BLUETOOTH_FITS_NOT;
+    }
+    /* While an answer is awaited, it isn't known when the one that was given began. */
+    return adapter->sets[BLUETOOTH_LEGACY].pending || adapter->awaited != 0 ? BLUETOOTH_FITS_LATER
+                                                                            : BLUETOOTH_FITS;
 }
 
 void bluetooth_stop(void)

@@ -70,6 +70,10 @@ struct bluetooth_adapter {
 
 /* Sends what is due next, unless an answer is awaited. */
 void bluetooth_advance(struct bluetooth_adapter *adapter, int64_t now_us);
+/* How long a payload stays set to be sent once. */
+int64_t bluetooth_hold_us(const struct bluetooth_adapter *adapter, enum bluetooth_set set);
+/* Until when the payload that is set has to stay; INT64_MIN: none was ever accepted. */
+int64_t bluetooth_held_until_us(const struct bluetooth_adapter *adapter, enum bluetooth_set set);
 /* Switches everything off; the answer isn't waited for. */
 void bluetooth_silence(struct bluetooth_adapter *adapter, int64_t now_us);
 

@@ -159,16 +159,22 @@ static void send_step(struct bluetooth_adapter *adapter, int64_t now_us)
 }
 
 /*
- * Until when the payload that is set has to stay: what is replaced within an
- * advertising interval and its random 10 ms may never be sent. The schedule's
- * slots are longer than that; a controller that answered late makes one short.
+ * What is replaced within an advertising interval and its random 10 ms may never
+ * be sent. The schedule's slots are longer than that; a controller that answered
+ * late makes one short.
  */
-static int64_t held_until_us(const struct bluetooth_adapter *adapter, enum bluetooth_set set)
+int64_t bluetooth_hold_us(const struct bluetooth_adapter *adapter, enum bluetooth_set set)
 {
-    int64_t accepted_us = adapter->sets[set].radio->accepted_us;
     int64_t interval_us = set == BLUETOOTH_LONG_RANGE ? 200000 : adapter->slow ? 100000 : 20000;
 
-    return accepted_us == INT64_MIN ? INT64_MIN : accepted_us + interval_us + HOLD_MARGIN_US;
+    return interval_us + HOLD_MARGIN_US;
+}
+
+int64_t bluetooth_held_until_us(const struct bluetooth_adapter *adapter, enum bluetooth_set set)
+{
+    int64_t accepted_us = adapter->sets[set].radio->accepted_us;
+
+    return accepted_us == INT64_MIN ? INT64_MIN : accepted_us + bluetooth_hold_us(adapter, set);
 }
 
 static void send_newest(struct bluetooth_adapter *adapter, int64_t now_us)
@@ -179,7 +185,7 @@ static void send_newest(struct bluetooth_adapter *adapter, int64_t now_us)
         if (!adapter->sets[set].possible || !adapter->sets[set].pending) {
             continue;
         }
-        due_us = held_until_us(adapter, set);
+        due_us = bluetooth_held_until_us(adapter, set);
         if (due_us <= now_us) {
             send_data(adapter, set, now_us);
             return;

@@ -30,6 +30,7 @@ void config_defaults(struct config *config)
         .bt5_enabled = true,
         .wifi_beacon_enabled = true,
         .wifi_iface = "wlan0",
+        .ground_station_iface = "eth0",
         .hostapd_dir = "/run/hostapd",
         .bt_adapter = "hci0",
         .bench_latitude_deg = NAN,
@@ -269,4 +270,38 @@ unsigned config_read_environment(struct config *config, const char *(*getenv_fn)
         config->debug = true;
     }
     return source.errors;
+}
+
+unsigned config_keep_appliance(struct config *config, config_report_fn *report, void *context)
+{
+    struct config image;
+    const struct {
+        const char *name;
+        char *value;
+        const char *right;
+        size_t size;
+    } kept[] = {
+        {"[daemon] run_dir", config->run_dir, image.run_dir, sizeof(image.run_dir)},
+        {"[daemon] user", config->user, image.user, sizeof(image.user)},
+        {"[mavlink] udp_address", config->udp_address, image.udp_address,
+         sizeof(image.udp_address)},
+        {"[broadcast] hostapd_dir", config->hostapd_dir, image.hostapd_dir,
+         sizeof(image.hostapd_dir)},
+    };
+    unsigned warnings = 0;
+
+    config_defaults(&image);
+    for (unsigned i = 0; i < sizeof(kept) / sizeof(kept[0]); i++) {
+        char sentence[CONFIG_PROBLEM_SIZE];
+
+        if (strcmp(kept[i].value, kept[i].right) != 0) {
+            snprintf(sentence, sizeof(sentence),
+                     "%s = %s is not for the appliance, whose services are at %s: that counts",
+                     kept[i].name, kept[i].value, kept[i].right);
+            report(context, CONFIG_WARNING, sentence);
+            memcpy(kept[i].value, kept[i].right, kept[i].size);
+            warnings++;
+        }
+    }
+    return warnings;
 }

@@ -23,6 +23,7 @@
 enum mavlink_source { MAVLINK_SOURCE_SERIAL, MAVLINK_SOURCE_UDP };
 
 #define CONFIG_PASSWORD_MIN 8 /* WPA2 */
+#define CONFIG_PASSWORD_ADVISED 12
 #define CONFIG_PASSWORD_MAX 63
 
 /* An identity as configured. An empty uas_id means "not configured". */
@@ -76,6 +77,7 @@ struct config {
     char autopilot_device[CONFIG_PATH_SIZE]; /* auto, usb:vvvv:pppp or a path; auto */
     unsigned autopilot_baud;                 /* 921600 */
     char ground_station[22];                 /* a.b.c.d or a.b.c.d:port; empty: none */
+    char ground_station_iface[16];           /* the only way there; eth0 */
     char wifi_country[3];                    /* two capitals; SE */
     uint8_t wifi_channel;                    /* 1-11; 6 */
     /* Only from the file to odidctl, which makes a key of it; whoever doesn't clears it. */
@@ -115,6 +117,13 @@ unsigned config_read_file(struct config *config, const char *path, config_report
  * test's). Returns the number of errors. */
 unsigned config_read_environment(struct config *config, const char *(*getenv_fn)(const char *),
                                  config_report_fn *report, void *context);
+
+/*
+ * On the appliance some places are the image's: its other services look there and nowhere else, and
+ * one that finds no daemon can't say whether the aircraft is armed. What the configuration has for
+ * them is put back, with a warning each. Returns the number of warnings.
+ */
+unsigned config_keep_appliance(struct config *config, config_report_fn *report, void *context);
 
 /*
  * Judges the whole, after all sources: identifier formats, missing identity,

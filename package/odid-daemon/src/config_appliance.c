@@ -9,12 +9,28 @@
 
 /* ---- [autopilot] device ---- */
 
-/* What udev puts in a name, and nothing that means something to the shell or to sed. */
+/*
+ * A serial port, and no other device: its group and mode are changed. ttyACM0,
+ * ttyUSB0, ttyAMA1, but not tty1, which is a console. In the links' names what
+ * udev puts there, and nothing that means something to the shell or to sed.
+ */
 static bool is_device_path(const char *text)
 {
-    return strncmp(text, "/dev/", 5) == 0 && text[5] != '\0' && strstr(text, "..") == NULL &&
-           text[strspn(text, "/ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789#+.:="
-                             "@_-")] == '\0';
+    static const char links[] = "/dev/serial/", port[] = "/dev/tty";
+    size_t length = strlen(port);
+
+    if (strncmp(text, links, strlen(links)) == 0) {
+        return text[strlen(links)] != '\0' && strstr(text, "..") == NULL &&
+               text[strspn(text, "/ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789"
+                                 "#+.:=@_-")] == '\0';
+    }
+    if (strncmp(text, port, length) != 0) {
+        return false;
+    }
+    text += length;
+    length = strspn(text, "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz");
+    return length > 0 && isdigit((unsigned char)text[length]) &&
+           text[length + strspn(text + length, "0123456789")] == '\0';
 }
 
 /* usb:VVVV:PPPP, as lsusb shows it. */
@@ -57,7 +73,8 @@ static bool take_autopilot(const struct config_rule *rule, void *field, struct c
 const struct config_rule config_rule_autopilot = {
     .take = take_autopilot,
     .show = config_text_show,
-    .expected = "auto, a path such as /dev/serial/by-id/NAME, or usb:VVVV:PPPP",
+    .expected =
+        "auto, a serial port such as /dev/serial/by-id/NAME or /dev/ttyACM0, or usb:VVVV:PPPP",
     .size = CONFIG_PATH_SIZE,
     .valid = is_autopilot};
 

@@ -110,6 +110,19 @@ static void judge_system(const struct config *config, struct config_source *sour
     }
 }
 
+/* Never quoted. */
+static void judge_password(const struct config *config, struct config_source *source)
+{
+    size_t length = strlen(config->maintenance_password);
+
+    if (length > 0 && length < CONFIG_PASSWORD_ADVISED) {
+        config_say(source, CONFIG_WARNING,
+                   "[maintenance] password has %zu characters: whoever records one log-in can "
+                   "guess it at leisure. Expected %d or more, by chance; it is taken all the same",
+                   length, CONFIG_PASSWORD_ADVISED);
+    }
+}
+
 /* "h4:/dev/ttyX@baud" uses a serial port that the autopilot can't be on as well. */
 static bool uses_device(const char *adapter, const char *device)
 {
@@ -217,6 +230,7 @@ unsigned config_judge(const struct config *config, config_report_fn *report, voi
     judge_operator(config, &source);
     judge_system(config, &source);
     judge_ways(config, &source);
+    judge_password(config, &source);
     judge_bench(config, &source);
     judge_appliance(config, &source);
     return source.warnings;

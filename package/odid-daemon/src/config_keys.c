@@ -50,6 +50,7 @@ const struct config_key config_keys[] = {
     {"autopilot", "device", AT(autopilot_device), &config_rule_autopilot},
     {"autopilot", "baud", AT(autopilot_baud), &config_rule_baud},
     {"ground_station", "address", AT(ground_station), &config_rule_ground_station},
+    {"ground_station", "interface", AT(ground_station_iface), &config_rule_interface},
     {"wifi", "country", AT(wifi_country), &config_rule_country},
     {"wifi", "channel", AT(wifi_channel), &config_rule_channel},
     {"maintenance", "password", AT(maintenance_password), &config_rule_password},

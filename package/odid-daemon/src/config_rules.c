@@ -268,10 +268,14 @@ static bool is_path(const char *text)
     return text[0] == '/' && text[1] != '\0' && is_graphic(text);
 }
 
+#define LETTERS_AND_DIGITS "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789"
+
+/* The kernel takes far more; but this gets into hostapd's configuration and the network filter's.
+ */
 static bool is_interface(const char *text)
 {
-    return text[0] != '\0' && is_graphic(text) && strchr(text, '/') == NULL &&
-           strcmp(text, ".") != 0 && strcmp(text, "..") != 0;
+    return text[0] != '\0' && strchr(LETTERS_AND_DIGITS, text[0]) != NULL &&
+           text[strspn(text, LETTERS_AND_DIGITS "._-")] == '\0';
 }
 
 static bool is_user(const char *text)

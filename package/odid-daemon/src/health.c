@@ -3,6 +3,7 @@
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "identifiers.h"
@@ -10,8 +11,11 @@
 
 #define ID_SERIAL 1
 #define OPERATOR_ID_EU 0
-/* Positions may be a second old when they are sent (2nd). */
-#define POSITION_RATE_MIN_HZ 0.9
+/* Positions may be a second old when they are sent (2nd); ArduPilot's native ones come every
+ * 1.00 to 1.12 s. */
+#define POSITION_RATE_MIN_HZ 0.85
+/* System's time goes by whole seconds, and is on its way for a while. */
+#define OPERATOR_CLOCK_S 5
 
 static void add(struct health *health, enum health_severity severity, const char *advice,
                 const char *format, ...) __attribute__((format(printf, 4, 5)));
@@ -117,7 +121,7 @@ static void judge_mandatory_channel(struct health *health, const struct health_i
     if (on_air(input, CHANNEL_BT4) && !on_air(input, CHANNEL_BT5) && !on_air(input, CHANNEL_WIFI)) {
         FAULT("EU rules count Wi-Fi or Bluetooth 5 long range, not Bluetooth 4: get one of them on "
               "the air.",
-              "Bluetooth 4 alone does not meet EU rules");
+              "EU: Bluetooth 4 is not enough");
     }
 }
 
@@ -127,7 +131,7 @@ static void judge_channels(struct health *health, const struct health_input *inp
         enum radio_state state = input->radios[channel].state;
 
         if (health_required(input, channel) && state != RADIO_ON_AIR) {
-            FAULT(channel_advice(channel, state), "%s not on the air: %s", channel_title(channel),
+            FAULT(channel_advice(channel, state), "%s off: %s", channel_title(channel),
                   radio_state_name(state));
         }
     }
@@ -212,7 +216,16 @@ static void judge_link(struct health *health, const struct health_input *input)
     } else if (!input->condition->heartbeat_fresh) {
         FAULT("Bytes come, but no autopilot (component 1) speaks: check baud, and that it is set "
               "to MAVLink.",
-              "no heartbeat from the autopilot");
+              "no heartbeat from autopilot");
+    }
+}
+
+static void judge_sources(struct health *health, const struct health_input *input)
+{
+    if (input->contradicted) {
+        FAULT("Something else speaks with the vehicle's system id: find it, switch it off. The one "
+              "that was there first counts.",
+              "two speak as the autopilot");
     }
 }
 
@@ -228,9 +241,13 @@ static void judge_position(struct health *health, const struct health_input *inp
     if (bench_position(input) || location->position_fresh) {
         return;
     }
-    if (location->fix_us == INT64_MIN) {
+    if (!input->condition->fix_known && input->condition->heartbeat_fresh) {
+        FAULT("Wait for a GNSS fix. Where there is one: GPS_RAW_INT doesn't come, set this port's "
+              "stream rates (docs/autopilots.md).",
+              "autopilot has no GNSS fix");
+    } else if (location->fix_us == INT64_MIN) {
         FAULT("Take the aircraft outdoors and wait for a GNSS fix; check the GNSS antenna.",
-              "no position from the autopilot");
+              "no position from autopilot");
     } else {
         FAULT("The autopilot lost its GNSS fix, or its link broke: check antenna and cable.",
               "position stopped %lld s ago", (long long)((now_us - location->fix_us) / 1000000));
@@ -243,11 +260,66 @@ static void judge_failure(struct health *health, const struct health_input *inpu
     if (input->view->location.status == AIRCRAFT_REMOTE_ID_FAILURE &&
         input->view->location.status_source == SOURCE_NATIVE) {
         FAULT("The autopilot reports it: look at its own messages in the ground station.",
-              "autopilot says: remote ID system failure");
+              "autopilot: Remote ID failure");
     }
 }
 
 /* ---- worth mending ---- */
+
+/* The take-off point's comes from where the aircraft's own does, and is told with it. */
+static void judge_operator_altitude(struct health *health, const struct health_input *input)
+{
+    const struct aircraft_system *system = &input->view->system;
+    const char *advice;
+
+    if (!input->condition->armed || !isnan(system->operator_altitude_m)) {
+        return;
+    }
+    switch (system->operator_source) {
+    case SOURCE_CONFIGURATION:
+        advice = "Only US rules ask for it: set [system] operator_altitude.";
+        break;
+    case SOURCE_NATIVE:
+        advice = "Only US rules ask for it: let the ground station send its altitude.";
+        break;
+    case SOURCE_TELEMETRY:
+        if (isnan(input->view->location.altitude_geodetic_m)) {
+            return;
+        }
+        advice = "Only US rules ask for it: arm with a fix, and with MAVLink 2 on this port.";
+        break;
+    default:
+        return;
+    }
+    WARNING(advice, "operator altitude unknown");
+}
+
+/* EU rules ask for the height, US and Japanese ones for the geodetic altitude, US ones for the
+ * operator's altitude and for accuracies. */
+static void judge_altitudes(struct health *health, const struct health_input *input)
+{
+    const struct aircraft_location *location = &input->view->location;
+
+    if (!location->position_fresh) {
+        return;
+    }
+    if (input->condition->armed && isnan(location->height_m)) {
+        WARNING("Arm with a GNSS fix, or let the autopilot send HOME_POSITION on this port "
+                "(docs/autopilots.md).",
+                "height above take-off unknown");
+    }
+    if (isnan(location->altitude_geodetic_m)) {
+        WARNING("GPS_RAW_INT doesn't say it: set this port to MAVLink 2 (docs/autopilots.md).",
+                "altitude above the ellipsoid unknown");
+    }
+    /* While the fix is lost, what is known of it is gone before the position is. */
+    if (location->horizontal_accuracy == 0 && input->condition->fix_known) {
+        WARNING("GPS_RAW_INT doesn't say it: set this port to MAVLink 2, or use a receiver that "
+                "knows it (docs/autopilots.md).",
+                "accuracy of position unknown");
+    }
+    judge_operator_altitude(health, input);
+}
 
 static void judge_data(struct health *health, const struct health_input *input)
 {
@@ -260,7 +332,7 @@ static void judge_data(struct health *health, const struct health_input *input)
     if (condition->position_rate_hz < POSITION_RATE_MIN_HZ && condition->position_rate_hz > 0) {
         WARNING(
             "Let the autopilot send GLOBAL_POSITION_INT at 4 Hz on this port (its stream rate).",
-            "positions come only every %.0f s", ceil(1 / condition->position_rate_hz));
+            "positions come only every %.1f s", 1 / condition->position_rate_hz);
     }
     if (condition->armed && input->view->system.operator_source == SOURCE_NONE) {
         WARNING("Arm with a GNSS fix, connect a ground station with a position, or set [system] "
@@ -268,8 +340,22 @@ static void judge_data(struct health *health, const struct health_input *input)
                 "operator location unknown");
     }
     if (condition->armed && condition->takeoff_is_home) {
-        WARNING("Remote ID started after arming: the place counts from the next arming on.",
+        WARNING("Armed without a fix, or before Remote ID started: the next arming with a fix "
+                "counts.",
                 "take-off point unknown: home stands in");
+    }
+    if (condition->armed && condition->takeoff_is_late) {
+        WARNING("Armed without a fix: arm with one.",
+                "take-off point is the first fix after arming");
+    }
+    judge_altitudes(health, input);
+    if (condition->vertical_inverted) {
+        WARNING("ArduPilot before September 2018 sends it so: update its firmware.",
+                "vertical speed comes inverted: set right");
+    }
+    if (llabs(condition->operator_ahead_s) > OPERATOR_CLOCK_S) {
+        WARNING("The autopilot's time is broadcast. Set the ground station's clock.",
+                "ground station's clock is %+lld s off", (long long)condition->operator_ahead_s);
     }
 }
 
@@ -319,6 +405,7 @@ void health_judge(struct health *health, const struct health_input *input, int64
         FAULT("An invented place is broadcast. Remove [bench] from odid.conf before flying.",
               "bench position in use");
     }
+    judge_sources(health, input);
     judge_basic_ids(health, input->view);
     judge_operator_id(health, input->view);
     judge_link(health, input);

@@ -13,7 +13,7 @@
 #include "link.h"
 #include "radio.h"
 
-#define HEALTH_MAX 24
+#define HEALTH_MAX 28
 
 enum health_severity {
     HEALTH_FAULT,   /* not legal to fly: told by ARM_STATUS */
@@ -42,6 +42,7 @@ struct health_input {
     unsigned config_errors;     /* values that could not be used */
     bool filter_logging;        /* the system-call filter only logs */
     bool realtime;              /* real-time priority was granted */
+    bool contradicted;          /* two sources speak as the autopilot */
     bool updating;              /* the appliance's software is being replaced, or on trial */
 };
 

@@ -302,14 +302,3 @@ bool identifiers_remove_secrets(char *text)
     }
     return removed;
 }
-
-bool identifiers_cut_operator(char *number)
-{
-    size_t length = strlen(number);
-
-    if (!begins_like_a_number(number)) {
-        return identifiers_remove_secrets(number);
-    }
-    explicit_bzero(number + OPERATOR_PUBLIC, length - OPERATOR_PUBLIC);
-    return length > OPERATOR_PUBLIC;
-}

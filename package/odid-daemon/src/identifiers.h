@@ -54,10 +54,4 @@ enum operator_number_verdict identifiers_check_operator(const char *given,
  */
 bool identifiers_remove_secrets(char *text);
 
-/*
- * The same where the text is an operator number and nothing else: behind 16
- * characters that look like one nothing is left, whatever it is.
- */
-bool identifiers_cut_operator(char *number);
-
 #endif

@@ -29,7 +29,7 @@ static const char *flag_name(const char *word)
 void keeper_config_read(struct config *config, char *const command[])
 {
     const char *file = DEFAULT_FILE;
-    bool no_wifi = false, no_bt = false;
+    bool no_wifi = false, no_bt = false, appliance = false;
 
     for (int i = 1; command[0] != NULL && command[i] != NULL; i++) {
         const char *name = flag_name(command[i]);
@@ -44,10 +44,14 @@ void keeper_config_read(struct config *config, char *const command[])
         }
         no_wifi = no_wifi || strcmp(name, "no-wifi") == 0;
         no_bt = no_bt || strcmp(name, "no-bt") == 0;
+        appliance = appliance || strcmp(name, "appliance") == 0;
     }
     config_defaults(config);
     config_read_file(config, file, ignore, NULL);
     config_read_environment(config, environment, ignore, NULL);
+    if (appliance) {
+        config_keep_appliance(config, ignore, NULL);
+    }
     config->wifi_beacon_enabled = config->wifi_beacon_enabled && !no_wifi;
     config->bt4_enabled = config->bt4_enabled && !no_bt;
     config->bt5_enabled = config->bt5_enabled && !no_bt;

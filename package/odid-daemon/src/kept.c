@@ -5,15 +5,19 @@
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "config.h"
 
 #define PATH_SIZE (CONFIG_PATH_SIZE + 16)
-#define TEXT_SIZE 160
 /* In the file: value, used, content_hash (little endian). */
 #define COUNTER_SIZE 6
 #define COUNTERS (MESSAGE_TYPES + 2)
+#define TEXT_SIZE 200
+
+static const char *const armed_words[] = {
+    [KEPT_UNHEARD] = "unheard", [KEPT_DISARMED] = "no", [KEPT_ARMED] = "yes"};
 
 static void parse_takeoff(const char *text, struct aircraft_takeoff *takeoff)
 {
@@ -23,36 +27,75 @@ static void parse_takeoff(const char *text, struct aircraft_takeoff *takeoff)
         fabs(takeoff->latitude_deg) <= 90 && fabs(takeoff->longitude_deg) <= 180;
 }
 
-void kept_read(const char *run_dir, struct kept *kept)
+static void parse_armed(const char *word, struct kept *kept)
 {
-    char path[PATH_SIZE], text[TEXT_SIZE] = "";
-    const char *line;
+    for (size_t i = 0; i < sizeof(armed_words) / sizeof(armed_words[0]); i++) {
+        if (strcmp(word, armed_words[i]) == 0) {
+            kept->armed = (enum kept_armed)i;
+        }
+    }
+}
+
+static void parse_line(const char *line, struct kept *kept)
+{
     unsigned vehicle;
+    char word[8];
+
+    if (sscanf(line, "vehicle %u", &vehicle) == 1 && vehicle <= UINT8_MAX) {
+        kept->vehicle = (uint8_t)vehicle;
+    } else if (sscanf(line, "armed-once %7s", word) == 1) {
+        kept->armed_once = strcmp(word, "no") != 0;
+    } else if (sscanf(line, "fix %7s", word) == 1) {
+        kept->fix_known = strcmp(word, "yes") == 0;
+    } else if (sscanf(line, "armed %7s", word) == 1) {
+        parse_armed(word, kept);
+    } else if (strncmp(line, "takeoff ", strlen("takeoff ")) == 0) {
+        parse_takeoff(line, &kept->takeoff);
+    }
+}
+
+/* Returns the text's length, or -errno. The folder is the daemon's, and the reader may be root. */
+static ssize_t read_text(const char *run_dir, char text[TEXT_SIZE])
+{
+    char path[PATH_SIZE];
+    struct stat file;
     ssize_t length;
     int fd;
 
-    memset(kept, 0, sizeof(*kept));
-    snprintf(path, sizeof(path), "%s/kept", run_dir);
-    fd = open(path, O_RDONLY | O_CLOEXEC);
+    snprintf(path, sizeof(path), "%s/" KEPT_FILE, run_dir);
+    fd = open(path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
     if (fd < 0) {
-        return;
+        return -errno;
     }
-    length = read(fd, text, sizeof(text) - 1);
+    length = fstat(fd, &file) == 0 && S_ISREG(file.st_mode) ? read(fd, text, TEXT_SIZE - 1) : -1;
     close(fd);
-    if (length <= 0 || sscanf(text, "vehicle %u\n", &vehicle) != 1 || vehicle > UINT8_MAX) {
-        return;
+    return length < 0 ? -EIO : length;
+}
+
+int kept_read(const char *run_dir, struct kept *kept)
+{
+    char text[TEXT_SIZE] = "", *rest = text, *line;
+    ssize_t length = read_text(run_dir, text);
+
+    memset(kept, 0, sizeof(*kept));
+    if (length < 0) {
+        return (int)length;
     }
-    kept->vehicle = (uint8_t)vehicle;
-    line = strchr(text, '\n');
-    if (line != NULL) {
-        parse_takeoff(line + 1, &kept->takeoff);
+    kept->armed = KEPT_ARMED;
+    kept->armed_once = true;
+    while ((line = strsep(&rest, "\n")) != NULL) {
+        parse_line(line, kept);
     }
+    kept->takeoff.known = kept->takeoff.known && kept->vehicle != 0;
+    return 0;
 }
 
 static size_t show(const struct kept *kept, char text[TEXT_SIZE])
 {
     const struct aircraft_takeoff *takeoff = &kept->takeoff;
-    size_t length = (size_t)snprintf(text, TEXT_SIZE, "vehicle %u\n", kept->vehicle);
+    size_t length = (size_t)snprintf(
+        text, TEXT_SIZE, "vehicle %u\narmed %s\narmed-once %s\nfix %s\n", kept->vehicle,
+        armed_words[kept->armed], kept->armed_once ? "yes" : "no", kept->fix_known ? "yes" : "no");
 
     if (takeoff->known) { /* an unknown altitude is "nan" */
         length +=
@@ -69,8 +112,8 @@ int kept_write(const char *run_dir, const struct kept *kept)
     size_t length = show(kept, text);
     int fd, error = 0;
 
-    snprintf(path, sizeof(path), "%s/kept", run_dir);
-    snprintf(fresh, sizeof(fresh), "%s/kept.new", run_dir);
+    snprintf(path, sizeof(path), "%s/" KEPT_FILE, run_dir);
+    snprintf(fresh, sizeof(fresh), "%s/" KEPT_FILE ".new", run_dir);
     fd = open(fresh, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
     if (fd < 0) {
         return -errno;

@@ -1,25 +1,48 @@
 /*
- * What a restarted daemon must still know. In <run_dir>/kept: the vehicle, so
- * that its positions count before its next HEARTBEAT, up to a second later;
- * and in flight the frozen take-off point. In <run_dir>/counters: the message
- * counters, so that none goes backward, nor stands still over new content.
- * run_dir is a tmpfs: gone with the power.
+ * <run_dir>/kept: what the daemon knows of vehicle and flight, for itself after
+ * a restart and for everybody else. run_dir is a tmpfs: gone with the power.
+ *
+ *   vehicle 7                  MAVLink system id; 0 while none is known
+ *   armed yes                  yes, no, or unheard: no autopilot since power-on
+ *   armed-once yes             since power-on: yes or no
+ *   fix yes                    the autopilot has a GNSS fix: yes or no
+ *   takeoff 57.7 11.9 12 48    in flight: the frozen point, degrees and metres
+ *
+ * Replaced atomically, at the daemon's first start and on change: whoever wants
+ * to know waits for that (inotify). Nobody else says whether it is armed. While
+ * the daemon doesn't answer (status_ask) the file may be old: then "no" isn't
+ * known to be true.
+ *
+ * <run_dir>/counters: the message counters, so that after a restart none goes
+ * backward, nor stands still over new content.
  */
 #ifndef ODID_KEPT_H
 #define ODID_KEPT_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 #include "aircraft.h"
 #include "messages.h"
 
+#define KEPT_FILE "kept"
+
+enum kept_armed { KEPT_UNHEARD, KEPT_DISARMED, KEPT_ARMED };
+
 struct kept {
-    uint8_t vehicle;                 /* MAVLink system id, 1..255; 0: none was known */
+    uint8_t vehicle; /* MAVLink system id, 1..255; 0: none was known */
+    enum kept_armed armed;
+    bool armed_once;
+    bool fix_known;
     struct aircraft_takeoff takeoff; /* known = false: on the ground, or it wasn't known */
 };
 
-/* Reads it; what is missing or makes no sense is unknown. */
-void kept_read(const char *run_dir, struct kept *kept);
+/*
+ * Reads it; what is missing or makes no sense is unknown, and a file that says
+ * nothing of armed says that it is. Follows no link. Returns 0; -ENOENT when
+ * the daemon never ran since power-on; another -errno when it can't be read.
+ */
+int kept_read(const char *run_dir, struct kept *kept);
 
 /* Replaces it atomically. Returns 0, or -errno. */
 int kept_write(const char *run_dir, const struct kept *kept);

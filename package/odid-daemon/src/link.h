@@ -1,6 +1,9 @@
 /*
  * The way to the autopilot: a serial port, or UDP from whoever sends to us.
  * Bytes in, bytes out; reopens by itself.
+ *
+ * At most 32 reads are taken at a time, then for 5 ms none: a flood waits in
+ * the kernel, which drops what is over, and never keeps the schedule waiting.
  */
 #ifndef ODID_LINK_H
 #define ODID_LINK_H
@@ -27,6 +30,7 @@ struct link_status {
     char name[CONFIG_PATH_SIZE + 32]; /* "/dev/ttyACM0 at 921600 baud", "UDP 127.0.0.1:14550" */
     char detail[96];                  /* why it is absent, in plain words */
     uint64_t bytes_in, bytes_out, bytes_dropped; /* dropped: not sent because the way was full */
+    uint64_t overrun;                            /* UDP: datagrams that came faster than is taken */
     unsigned opened;                             /* times it was opened */
     unsigned senders;                            /* UDP: different senders at present */
 };

@@ -25,10 +25,10 @@ static uint8_t enumerated(uint8_t value, uint8_t highest)
     return value <= highest ? value : 0; /* 0 is "unknown" or "undeclared" in each */
 }
 
-/* The lowest altitude on the air means "unknown": what is really there is half a metre above. */
+/* The lowest altitude on the air means "unknown", and so does all below it: nothing flies there. */
 static float altitude(double value_m)
 {
-    return known_or(value_m, MIN_ALT + 0.5, MAX_ALT, INV_ALT);
+    return value_m < MIN_ALT ? INV_ALT : known_or(value_m, MIN_ALT + 0.5, MAX_ALT, INV_ALT);
 }
 
 static void place(double latitude_deg, double longitude_deg, double *latitude, double *longitude)

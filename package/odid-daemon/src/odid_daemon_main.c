@@ -16,6 +16,8 @@
 
 #include "aircraft.h"
 #include "alive.h"
+#include "appliance_marks.h"
+#include "asking.h"
 #include "bluetooth.h"
 #include "broadcast.h"
 #include "health.h"
@@ -35,30 +37,20 @@
 /* The pilot is told once a second, and at once when good turns into bad or bad into good. */
 #define TELL_US 1000000
 #define LOOK_US 250000
-/* Positions slower than this are asked for ... */
-#define POSITION_RATE_MIN_HZ 3.8
-/* ... at this interval, ... */
-#define POSITION_INTERVAL_US 200000
-#define SYSTEM_TIME_INTERVAL_US 1000000
-/* ... again after this long, doubling each time up to the second figure. */
-#define ASK_AGAIN_US 10000000
-#define ASK_AGAIN_MAX_US 80000000
-/* MAVLink message ids that are asked for. */
-#define ID_SYSTEM_TIME 2
-#define ID_GLOBAL_POSITION_INT 33
-#define ID_OPEN_DRONE_ID_LOCATION 12901
-
 static struct {
     struct options options;
     struct telemetry *telemetry;
     struct aircraft *aircraft;
     struct radio radios[CHANNELS];
+    struct asking asking;
+    unsigned asked_boot;   /* the autopilot's starts when it was begun ... */
+    uint8_t asked_vehicle; /* ... and whose */
     struct pilot pilot;
     struct status_lateness lateness;
     struct kept kept; /* as it is in its file */
     struct loop_timer look;
     struct loop_watch signals;
-    int64_t start_us, look_us, tell_us, ask_us, ask_wait_us;
+    int64_t start_us, look_us, tell_us;
     bool told_fault;
     bool realtime;
 } self = {.signals.fd = -1};
@@ -74,7 +66,11 @@ static void on_bytes(void *context, unsigned stream, const uint8_t *bytes, size_
                      int64_t now_us)
 {
     (void)context;
-    telemetry_receive(self.telemetry, stream, bytes, length, now_us);
+    if (config()->source == MAVLINK_SOURCE_SERIAL) {
+        telemetry_receive(self.telemetry, stream, bytes, length, now_us);
+    } else {
+        telemetry_receive_datagram(self.telemetry, stream, bytes, length, now_us);
+    }
 }
 
 static void on_stream_reset(void *context, unsigned stream)
@@ -87,6 +83,10 @@ static void on_update(void *context, const struct telemetry_update *update, int6
 {
     (void)context;
     aircraft_update(self.aircraft, update, now_us);
+    asking_heard(&self.asking, update, now_us);
+    if (update->kind == TELEMETRY_GLOBAL_POSITION || update->kind == TELEMETRY_LOCATION) {
+        broadcast_position(now_us);
+    }
 }
 
 /* ---- back: status and pilot ---- */
@@ -104,11 +104,9 @@ static void send_to_vehicle(void *context, const uint8_t *frame, size_t length)
 /* odid-update makes the file for as long as an update goes on. */
 static bool updating(void)
 {
-    char path[CONFIG_PATH_SIZE + 16];
     struct stat file;
 
-    snprintf(path, sizeof(path), "%s/update", config()->run_dir);
-    return stat(path, &file) == 0;
+    return stat(APPLIANCE_UPDATING, &file) == 0;
 }
 
 static void judge(struct health_input *input, struct health *health, struct aircraft_view *view,
@@ -125,6 +123,7 @@ static void judge(struct health_input *input, struct health *health, struct airc
         .config_errors = self.options.errors,
         .filter_logging = self.options.seccomp_log,
         .realtime = self.realtime,
+        .contradicted = telemetry_contradicted(self.telemetry, now_us),
         .updating = updating(),
     };
     health_judge(health, input, now_us);
@@ -138,6 +137,7 @@ static void gather(void *context, struct status_snapshot *snapshot, int64_t now_
     (void)context;
     judge(&snapshot->input, &snapshot->health, &view, &condition, now_us);
     snapshot->counters = telemetry_counters(self.telemetry);
+    snapshot->asking = &self.asking;
     snapshot->lateness = &self.lateness;
     snapshot->start_us = self.start_us;
     snapshot->vehicle = telemetry_vehicle(self.telemetry);
@@ -145,44 +145,68 @@ static void gather(void *context, struct status_snapshot *snapshot, int64_t now_
     snapshot->config_report = (const char(*)[CONFIG_PROBLEM_SIZE])self.options.report;
 }
 
-/* An autopilot that offers positions slower than 4 Hz, or none, is asked for more. */
-static void ask_for_positions(const struct aircraft_condition *condition, uint8_t vehicle,
-                              int64_t now_us)
+static void ask(const struct aircraft_condition *condition, uint8_t vehicle, int64_t now_us)
 {
-    bool slow = condition->position_rate_hz < POSITION_RATE_MIN_HZ; /* not while still unknown */
+    struct asking_request request;
 
-    if (!config()->request_rate || !condition->heartbeat_fresh || !slow || now_us < self.ask_us) {
-        return;
+    if (vehicle != self.asked_vehicle || condition->autopilot_restarts != self.asked_boot) {
+        self.asked_vehicle = vehicle;
+        self.asked_boot = condition->autopilot_restarts;
+        asking_begin(&self.asking, now_us);
     }
-    pilot_ask_rate(&self.pilot, vehicle, ID_GLOBAL_POSITION_INT, POSITION_INTERVAL_US);
-    if (condition->position_native) {
-        pilot_ask_rate(&self.pilot, vehicle, ID_OPEN_DRONE_ID_LOCATION, POSITION_INTERVAL_US);
+    if (config()->request_rate && condition->heartbeat_fresh &&
+        asking_next(&self.asking, now_us, &request)) {
+        pilot_ask_rate(&self.pilot, vehicle, request.message_id, request.interval_us);
     }
-    if (!condition->time_known) {
-        pilot_ask_rate(&self.pilot, vehicle, ID_SYSTEM_TIME, SYSTEM_TIME_INTERVAL_US);
+}
+
+static void write_kept(void)
+{
+    int result = kept_write(config()->run_dir, &self.kept);
+
+    if (result < 0) {
+        log_warning("can't keep what others and a restart need to know: %s/" KEPT_FILE ": %s",
+                    config()->run_dir, strerror(-result));
     }
-    self.ask_us = now_us + self.ask_wait_us;
-    self.ask_wait_us *= self.ask_wait_us < ASK_AGAIN_MAX_US ? 2 : 1;
 }
 
 /* The take-off point for a restart in flight only: that of a flight that ended must not pass for
  * the next one's. */
-static void keep(uint8_t vehicle, bool armed)
+static void keep(uint8_t vehicle, const struct aircraft_condition *condition)
 {
     static const struct aircraft_takeoff none;
+    bool armed = condition->armed;
     const struct aircraft_takeoff *takeoff = armed ? aircraft_takeoff(self.aircraft) : &none;
-    int result;
+    enum kept_armed word = armed ? KEPT_ARMED : KEPT_DISARMED;
 
-    if (vehicle == self.kept.vehicle &&
+    if (vehicle == self.kept.vehicle && word == self.kept.armed &&
+        condition->fix_known == self.kept.fix_known &&
         memcmp(takeoff, &self.kept.takeoff, sizeof(*takeoff)) == 0) {
         return;
     }
     self.kept.vehicle = vehicle;
+    self.kept.armed = word;
+    self.kept.armed_once = self.kept.armed_once || armed;
+    self.kept.fix_known = condition->fix_known;
     self.kept.takeoff = *takeoff;
-    result = kept_write(config()->run_dir, &self.kept);
-    if (result < 0) {
-        log_warning("can't keep vehicle and take-off point over a restart: %s/kept: %s",
-                    config()->run_dir, strerror(-result));
+    write_kept();
+}
+
+/* What was known before a restart of ours counts on; at the first start others learn that nothing
+ * was heard yet. */
+static void restore(int64_t now_us)
+{
+    uint8_t vehicle;
+
+    if (kept_read(config()->run_dir, &self.kept) == -ENOENT) {
+        write_kept();
+    }
+    vehicle = self.kept.vehicle != 0 ? self.kept.vehicle : self.options.expected_vehicle;
+    telemetry_expect(self.telemetry, vehicle, self.kept.armed == KEPT_ARMED, now_us);
+    aircraft_restore_armed(self.aircraft, self.kept.armed == KEPT_ARMED);
+    aircraft_restore_takeoff(self.aircraft, &self.kept.takeoff);
+    if (self.kept.fix_known) {
+        aircraft_restore_fix(self.aircraft, now_us);
     }
 }
 
@@ -214,8 +238,9 @@ static void on_look(void *context, int64_t now_us)
         for (enum channel channel = 0; channel < CHANNELS; channel++) {
             pilot_channel(&self.pilot, vehicle, channel, &self.radios[channel], now_us);
         }
-        ask_for_positions(&condition, vehicle, now_us);
-        keep(vehicle, condition.armed);
+        pilot_sources(&self.pilot, vehicle, input.contradicted);
+        ask(&condition, vehicle, now_us);
+        keep(vehicle, &condition);
     }
     self.look_us += LOOK_US;
     if (self.look_us <= now_us) {
@@ -252,13 +277,11 @@ static void make_run_dir(void)
 
 static void start_modules(int64_t now_us)
 {
-    self.start_us = self.look_us = self.ask_us = now_us;
-    self.ask_wait_us = ASK_AGAIN_US;
+    self.start_us = self.look_us = now_us;
+    asking_begin(&self.asking, now_us);
     self.telemetry = telemetry_init(on_update, NULL);
     self.aircraft = aircraft_init(config(), now_us);
-    kept_read(config()->run_dir, &self.kept);
-    telemetry_expect(self.telemetry, self.kept.vehicle, now_us);
-    aircraft_restore_takeoff(self.aircraft, &self.kept.takeoff);
+    restore(now_us);
     pilot_init(&self.pilot, send_to_vehicle, NULL);
     status_start(config()->run_dir, gather, NULL);
     rfkill_start(now_us);

@@ -1,49 +1,36 @@
 /*
- * odid-update: looks after updates. SWUpdate installs; this watches it, keeps
- * what is known about the update, stops it when the aircraft is armed, judges
- * the new slot on trial, and restarts the board when that may be.
+ * odid-update: looks after updates. SWUpdate installs; this says whether it
+ * may, watches it, keeps what is known about the update, stops it when the
+ * aircraft is armed or nothing moves, judges the new slot on trial, and
+ * restarts the board when that may be. "odid-update gate" is SWUpdate's question.
  */
 #include <errno.h>
 #include <fcntl.h>
-#include <linux/fs.h>
 #include <signal.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/ioctl.h>
 #include <sys/stat.h>
 #include <time.h>
 #include <unistd.h>
 
+#include "appliance_marks.h"
+#include "kept.h"
 #include "log.h"
 #include "loop.h"
 #include "odidctl.h"
 #include "update.h"
 #include "update_environment.h"
 #include "update_files.h"
+#include "update_gate.h"
 #include "update_installer.h"
 #include "update_judge.h"
+#include "update_places.h"
+#include "update_question.h"
+#include "update_slot.h"
 #include "whole_file.h"
 
-#define STATE "/run/odid-appliance"
-#define DATA "/data"
-#define RUN_DIR "/run/odid"
-#define SERVICES "/run/service"
-#define INSTALLER "/run/pid/swupdate"
-#define FAULTS "/run/faults"
-#define ENVIRONMENT_CONFIG "/run/fw_env.config"
-#define ENVIRONMENT_DEFAULTS "/etc/u-boot-initial-env"
-/* While it is there, the daemon tells the autopilot not to arm (odid-daemon(8)). */
-#define IN_PROGRESS RUN_DIR "/update"
-/* Why the gate refused (/lib/odid/update-gate). */
-#define REFUSED STATE "/update-refused"
-/* Not empty where hawkBit is asked for updates. */
-#define HAWKBIT "/run/swupdate.hawkbit"
-/* Maintenance (/etc/sv/maintenance/run) is asked for: now; and over our restart. */
-#define MAINTENANCE STATE "/maintenance-asked"
-#define MAINTENANCE_AGAIN DATA "/odid/maintenance-asked"
-#define CONFIGURATION DATA "/odid/odid.conf"
 #define SECOND_US 1000000
 
 static struct {
@@ -56,24 +43,15 @@ static struct {
     char version[UPDATE_VERSION_SIZE];
     bool time_known;
     bool beside; /* a bundle came while another update isn't decided: the gate refuses it */
-    char reason[UPDATE_SENTENCE_SIZE]; /* why it was rolled back, until the restart; or "" */
-    bool overwritten;                  /* a bundle was refused since, and that is the last result */
-    struct loop_timer tick;
+    bool passed; /* the gate said yes to what is being installed */
+    char refused[UPDATE_SENTENCE_SIZE]; /* why the gate refused this bundle, or "" */
+    char reason[UPDATE_SENTENCE_SIZE];  /* why it was rolled back, until the restart; or "" */
+    bool overwritten; /* a bundle was refused since, and that is the last result */
+    struct loop_timer tick, hawkbit_pause;
     struct loop_watch signals;
 } self;
 
 /* ---- small things ---- */
-
-/* The first line of a file, or "". */
-static void read_line(const char *path, char *out, size_t size)
-{
-    size_t length;
-    char *text = whole_file_read(path, 4096, &length);
-
-    snprintf(out, size, "%s", text == NULL ? "" : text);
-    out[strcspn(out, "\r\n")] = '\0';
-    free(text);
-}
 
 static void complain(const char *what, int result)
 {
@@ -88,7 +66,7 @@ static void kernel_word(const char *prefix, char *out, size_t size)
     char line[2048], *rest = line, *word;
 
     out[0] = '\0';
-    read_line("/proc/cmdline", line, sizeof(line));
+    whole_file_line("/proc/cmdline", line, sizeof(line));
     while ((word = strsep(&rest, " ")) != NULL) {
         if (strncmp(word, prefix, strlen(prefix)) == 0) {
             snprintf(out, size, "%s", word + strlen(prefix));
@@ -96,30 +74,19 @@ static void kernel_word(const char *prefix, char *out, size_t size)
     }
 }
 
-static void protect(bool read_only)
-{
-    char path[64];
-    int fd, flag = read_only;
-
-    snprintf(path, sizeof(path), "/dev/disk/odid/slot-%c", self.other);
-    fd = open(path, O_RDONLY | O_CLOEXEC);
-    if (fd < 0 || ioctl(fd, BLKROSET, &flag) < 0) {
-        log_error("%s can't be protected: %s", path, strerror(errno));
-    }
-    if (fd >= 0) {
-        close(fd);
-    }
-}
-
 /* ---- what is shown and kept ---- */
 
+/* Before the gate nothing keeps the aircraft on the ground: SWUpdate's word that something begins
+ * can be anybody's on this board (its notifier's socket has no mode). */
 static void show(void)
 {
+    bool checking = self.update.state == UPDATE_CHECKING && !self.passed;
+
     complain("the update's state can't be shown", update_write_state(STATE, &self.update));
-    if (self.update.state == UPDATE_IDLE) {
-        unlink(IN_PROGRESS);
+    if (self.update.state == UPDATE_IDLE || checking) {
+        unlink(APPLIANCE_UPDATING);
     } else {
-        int fd = open(IN_PROGRESS, O_WRONLY | O_CREAT | O_CLOEXEC, 0644);
+        int fd = open(APPLIANCE_UPDATING, O_WRONLY | O_CREAT | O_CLOEXEC, 0644);
 
         if (fd >= 0) {
             close(fd);
@@ -164,16 +131,15 @@ static struct json_object *ask(struct update_board *board)
 {
     int error = 0;
     struct json_object *status = odidctl_fetch(RUN_DIR, &error);
-    struct json_object *armed =
-        json_object_object_get(json_object_object_get(status, "aircraft"), "armed");
     struct json_object *known =
         json_object_object_get(json_object_object_get(status, "time"), "known");
-    bool heard = json_object_get_boolean(armed);
+    struct kept kept;
+    bool ran = kept_read(RUN_DIR, &kept) == 0;
 
     memset(board, 0, sizeof(*board));
     self.time_known = self.time_known || json_object_get_boolean(known);
-    board->armed = update_armed(&self.update, armed == NULL ? NULL : &heard,
-                                access(STATE "/armed", F_OK) == 0);
+    board->armed =
+        update_armed(&self.update, ran ? &kept : NULL, status != NULL, self.reason[0] != '\0');
     return status;
 }
 
@@ -235,11 +201,40 @@ static void end_installer(void)
     complain("SWUpdate can't be ended", update_installer_end(INSTALLER));
 }
 
+static bool asks_hawkbit(void)
+{
+    struct stat file;
+
+    return stat(HAWKBIT, &file) == 0 && file.st_size > 0;
+}
+
+/* Until then SWUpdate is without hawkBit: its server would begin the same at once, again and again,
+ * and the aircraft would stay on the ground. */
+static void pause_hawkbit(int64_t now_us)
+{
+    if (!asks_hawkbit()) {
+        return;
+    }
+    complain("hawkBit can't be paused", whole_file_replace(HAWKBIT_PAUSE, "", 0, 0644));
+    loop_arm(&self.hawkbit_pause, now_us + HAWKBIT_PAUSE_US);
+}
+
+static void end_hawkbit_pause(void *context, int64_t now_us)
+{
+    (void)context;
+    if (self.update.state != UPDATE_IDLE) { /* somebody else's update: SWUpdate is busy */
+        loop_arm(&self.hawkbit_pause, now_us + SECOND_US);
+        return;
+    }
+    if (unlink(HAWKBIT_PAUSE) == 0) {
+        end_installer();
+    }
+}
+
 static void commit(int64_t now_us)
 {
     struct update_variables variables = {.slot = self.running};
     int result = update_variables_write(ENVIRONMENT_CONFIG, &variables, UPDATE_REPORT_GOOD);
-    struct stat file;
 
     if (result < 0) { /* tried again in a second */
         complain("the slot can't be committed", result);
@@ -248,8 +243,7 @@ static void commit(int64_t now_us)
     self.variables = variables;
     keep(UPDATE_INSTALLED, self.version, "Version %s is installed.", self.version);
     update_committed(&self.update, now_us);
-    if (stat(HAWKBIT, &file) == 0 &&
-        file.st_size > 0) { /* its hawkBit client reports when it starts */
+    if (asks_hawkbit()) { /* its client reports when it starts */
         end_installer();
     }
 }
@@ -302,6 +296,9 @@ static void act(int64_t now_us)
     look(&board, now_us);
     switch (update_tick(&self.update, &board, now_us)) {
     case UPDATE_STOP:
+        if (self.update.slow) {
+            pause_hawkbit(now_us);
+        }
         end_installer();
         break;
     case UPDATE_COMMIT:
@@ -339,7 +336,11 @@ static bool undecided(void)
 
 static void on_begins(int64_t now_us)
 {
+    if (self.passed) {
+        return; /* it does one at a time: that isn't its word */
+    }
     self.beside = undecided();
+    self.refused[0] = '\0';
     if (!self.beside) {
         update_begins(&self.update, now_us);
         show();
@@ -380,7 +381,7 @@ static void begin_record(void)
 
 static void on_progress(int percent, int64_t now_us)
 {
-    if (is_beside(now_us)) {
+    if (is_beside(now_us) || !self.passed) {
         return;
     }
     if (self.update.state == UPDATE_CHECKING) {
@@ -396,15 +397,15 @@ static void refuse(const char *why, const char *to)
 {
     char sentence[UPDATE_SENTENCE_SIZE], hardware[UPDATE_SENTENCE_SIZE];
 
-    read_line(REFUSED, sentence, sizeof(sentence));
-    unlink(REFUSED); /* the next one may fail before the gate */
-    if (self.update.stopped) {
-        snprintf(sentence, sizeof(sentence),
-                 "The aircraft was armed while it was written; install it again when disarmed.");
-    } else if (sentence[0] == '\0') {
-        read_line(STATE "/hardware", hardware, sizeof(hardware));
+    if (self.update.stopped != NULL && !self.beside) {
+        snprintf(sentence, sizeof(sentence), "%s", self.update.stopped);
+    } else if (self.refused[0] != '\0') {
+        snprintf(sentence, sizeof(sentence), "%s", self.refused);
+    } else {
+        whole_file_line(STATE "/hardware", hardware, sizeof(hardware));
         update_installer_explain(why, hardware, sentence, sizeof(sentence));
     }
+    self.refused[0] = '\0';
     keep(UPDATE_REFUSED, to, "The update was refused: %s", sentence);
 }
 
@@ -424,27 +425,85 @@ static bool is_marked(void)
            is_trial(&variables, self.other);
 }
 
-/* SWUpdate marks the slot before it says so, and may fail or be ended between: the mark counts, as
- * it does for U-Boot. */
+/* SWUpdate marks the slot before it says so, and may fail or be ended between, or say that all went
+ * well after a mere trial run: the mark counts, as it does for U-Boot. */
 static void on_ends(const char *why, int64_t now_us)
 {
+    self.passed = false;
     if (is_beside(now_us)) {
         refuse(why, "");
         self.beside = false;
         self.overwritten = self.reason[0] != '\0';
         return;
     }
-    protect(true);
+    update_slot_protect(self.other, true);
     if (why[0] != '\0') {
         log_info("SWUpdate says: %s", why);
     }
-    if (why[0] == '\0' || is_marked()) {
+    if (is_marked()) {
         update_installed(&self.update, now_us);
     } else {
-        refuse(why, self.update.version);
+        refuse(why[0] != '\0' ? why : "all went well, but nothing is marked to be started.",
+               self.update.version);
         update_ended(&self.update, now_us);
     }
     show();
+}
+
+/* ---- the gate ---- */
+
+static bool is_known(void)
+{
+    return self.beside || self.update.state == UPDATE_CHECKING ||
+           self.update.state == UPDATE_INSTALLING;
+}
+
+static void judge_offer(bool unattended, char answer[UPDATE_SENTENCE_SIZE])
+{
+    const struct update_question question = {.running = self.running,
+                                             .other = self.other,
+                                             .version = self.version,
+                                             .beside = self.beside,
+                                             .unattended = unattended};
+
+    update_question_answer(&question, answer);
+    snprintf(self.refused, sizeof(self.refused), "%s", answer);
+    if (answer[0] == '\0' && !self.beside) {
+        self.passed = true;
+        show();
+    }
+}
+
+static void cancel(char answer[UPDATE_SENTENCE_SIZE])
+{
+    if (!update_cancel(&self.update)) {
+        snprintf(answer, UPDATE_SENTENCE_SIZE,
+                 "Nothing is being installed that could be called "
+                 "off.");
+    }
+}
+
+/* SWUpdate's question, in a process of its own. */
+static int ask_gate(void)
+{
+    char answer[UPDATE_SENTENCE_SIZE];
+    int result = -1;
+
+    for (int i = 0; result < 0 && i < 5; i++) { /* it may be about to start */
+        if (i > 0) {
+            sleep(1);
+        }
+        result = update_gate_ask(STATE, "gate", answer);
+    }
+    if (result < 0) {
+        snprintf(answer, sizeof(answer),
+                 "Nobody would watch over it: the service update doesn't answer. Try again in a "
+                 "minute.");
+    }
+    if (answer[0] != '\0') {
+        log_info("update refused: %s", answer);
+    }
+    return answer[0] == '\0' ? EXIT_SUCCESS : EXIT_FAILURE;
 }
 
 /* ---- start ---- */
@@ -474,7 +533,7 @@ static bool was_given_up(void)
 {
     char version[UPDATE_VERSION_SIZE];
 
-    read_line(DATA "/" UPDATE_BACK_FILE, version, sizeof(version));
+    whole_file_line(DATA "/" UPDATE_BACK_FILE, version, sizeof(version));
     return strcmp(version, self.version) == 0;
 }
 
@@ -546,14 +605,14 @@ static bool start(bool first, int64_t now_us)
     char line[16];
 
     update_init(&self.update, now_us);
-    read_line(STATE "/slot", line, sizeof(line));
+    whole_file_line(STATE "/slot", line, sizeof(line));
     if (line[0] != 'a' && line[0] != 'b') {
         log_error("it isn't known which slot is running");
         return false;
     }
     self.running = line[0];
     self.other = line[0] == 'a' ? 'b' : 'a';
-    read_line("/etc/odid/version", self.version, sizeof(self.version));
+    whole_file_line(VERSION_FILE, self.version, sizeof(self.version));
     if (!find_environment()) {
         return false;
     }
@@ -570,10 +629,12 @@ static void on_signal(void *context, uint32_t events, int64_t now_us)
     loop_stop();
 }
 
-int main(void)
+static int serve(void)
 {
     static const struct update_installer_calls calls = {
         .begins = on_begins, .version = on_version, .progress = on_progress, .ends = on_ends};
+    static const struct update_gate_calls gate = {
+        .known = is_known, .judge = judge_offer, .cancel = cancel};
     bool first = access(STATE "/" UPDATE_STATE_FILE, F_OK) < 0; /* since power-on */
     int result = loop_init();
 
@@ -590,6 +651,29 @@ int main(void)
     }
     loop_timer_init(&self.tick, on_tick, NULL);
     loop_arm(&self.tick, loop_now_us());
+    loop_timer_init(&self.hawkbit_pause, end_hawkbit_pause, NULL);
+    if (access(HAWKBIT_PAUSE, F_OK) == 0) { /* of an earlier process */
+        loop_arm(&self.hawkbit_pause, loop_now_us() + HAWKBIT_PAUSE_US);
+    }
     update_installer_watch(&calls, first);
+    result = update_gate_serve(STATE, &gate);
+    if (result < 0) {
+        log_error("nobody can ask: %s", strerror(-result));
+        return EXIT_FAILURE;
+    }
     return loop_run() < 0 ? EXIT_FAILURE : EXIT_SUCCESS;
+}
+
+int main(int argc, char *argv[])
+{
+    if (argc == 2 && strcmp(argv[1], "gate") == 0) {
+        return ask_gate();
+    }
+    if (argc != 1) {
+        fputs("odid-update looks after updates; \"odid-update gate\" asks it. See "
+              "odid-update(8).\n",
+              stderr);
+        return 2;
+    }
+    return serve();
 }

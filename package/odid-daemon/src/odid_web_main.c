@@ -44,7 +44,7 @@ static const char usage[] =
 static struct {
     struct odidctl_places places;
     struct web_server server;
-    const char *listen, *user;
+    const char *listen, *user, *updater;
 } self = {
     .places = {.run_dir = "/run/odid",
                .data = "/data",
@@ -52,10 +52,10 @@ static struct {
                .state = "/run/odid-appliance",
                .apply = "/lib/odid/apply-configuration"},
     .server = {.files = "/usr/share/odid-web",
-               .updater = "/run/swupdate",
                .sources = {.version = "/etc/odid/version", .flights = ODIDCTL_FLIGHTS_DIRECTORY}},
     .listen = "0.0.0.0:80",
-    .user = "odid-web"};
+    .user = "odid-web",
+    .updater = "/run/swupdate"};
 
 /* ---- the socket ---- */
 
@@ -193,7 +193,7 @@ static int run(void)
     close(ends[1]);
     close(self.server.listener);
     log_info("the technician's page is served on %s", self.listen);
-    web_helper_serve(ends[0], &self.places);
+    web_helper_serve(ends[0], &self.places, self.updater);
     kill(child, SIGKILL);
     if (waitpid(child, &status, 0) == child) {
         log_error("the web server ended (%s %d)", WIFSIGNALED(status) ? "signal" : "exit code",
@@ -242,7 +242,7 @@ int main(int argc, char *argv[])
         [LISTEN] = &self.listen,
         [USER] = &self.user,
         [FILES] = &self.server.files,
-        [UPDATER] = &self.server.updater,
+        [UPDATER] = &self.updater,
         [IMAGE_VERSION] = &self.server.sources.version,
         [RUN_DIR] = &self.places.run_dir,
         [FLIGHTS_DIR] = &self.server.sources.flights,

@@ -38,10 +38,16 @@ int odidctl_watch(const struct odidctl_places *places);
 struct json_object *odidctl_fetch(const char *run_dir, int *error);
 
 /*
- * By the status; while that doesn't know, by what the appliance keeps: an
- * autopilot that was lost after arming counts as armed.
+ * NULL when the aircraft is disarmed; else why that can't be said, for people: to
+ * begin a sentence. By what the daemon keeps (kept.h): one that was lost after
+ * arming is armed, one never heard since power-on isn't. A daemon that gives no
+ * answer for two seconds never says disarmed.
  */
-bool odidctl_armed(const struct odidctl_places *places);
+const char *odidctl_not_disarmed(const struct odidctl_places *places);
+
+/* The same for scripts, in three words: "armed", "disarmed" or "unknown"; "once" or "never" armed
+ * since power-on; the vehicle's MAVLink system id, 0 while there is none. */
+int odidctl_tell_armed(const struct odidctl_places *places);
 
 /* ---- faults of the appliance ---- */
 
@@ -92,12 +98,19 @@ int odidctl_blank_password(const char *path, const char *old, const char *blanke
  */
 int odidctl_show_made_password(const char *data, const char *directory, bool *made);
 
+/* ---- the autopilot's port ---- */
+
+/* Prints the port on which an autopilot speaks, of those named (ended by NULL); exit 1: none does.
+ * seconds: 0 listens for ever (autopilot_find.h). */
+int odidctl_find_autopilot(const char *baud, const char *seconds, char *const ports[]);
+
 /* ---- update ---- */
 
 /* Adds "update" (how it stands) and "last_update" to the status; null where nothing is known. */
 void odidctl_add_update(const struct odidctl_places *places, struct json_object *status);
 
-/* Installs the bundle of that file or URL; NULL: how the update stands, and the last result. */
+/* Installs the bundle of that file or URL, or a folder's newest; "cancel" calls it off; NULL: how
+ * the update stands, and the last result. */
 int odidctl_update(const struct odidctl_places *places, const char *name);
 
 /* Unless armed: leaves a mark for the boot scripts, and restarts the board. */

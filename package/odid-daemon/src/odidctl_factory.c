@@ -23,10 +23,12 @@ int odidctl_factory_reset(const struct odidctl_places *places)
 {
     static const char text[] = "asked for by odidctl\n";
     char path[ODIDCTL_PATH_SIZE];
+    const char *why;
     int result;
 
-    if (odidctl_armed(places)) {
-        fputs("odidctl: the aircraft is armed: no factory reset.\n", stderr);
+    why = odidctl_not_disarmed(places);
+    if (why != NULL) {
+        fprintf(stderr, "odidctl: %s: no factory reset.\n", why);
         return ODIDCTL_NOT_GOOD;
     }
     snprintf(path, sizeof(path), "%s/" MARK, places->data);

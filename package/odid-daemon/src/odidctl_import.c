@@ -208,7 +208,10 @@ static bool import_text(struct import *self, const char *path, char *text, size_
     }
     config_defaults(&config);
     config_parse(&config, self->name, blanked, length, say_nothing, NULL);
+    config_keep_appliance(&config, on_sentence, self);
+    snprintf(config.maintenance_password, sizeof(config.maintenance_password), "%s", password);
     config_judge(&config, on_sentence, self);
+    explicit_bzero(&config, sizeof(config));
     explicit_bzero(password, sizeof(password));
     free(blanked);
     return in_force;

@@ -18,12 +18,17 @@ static const char usage[] =
     "  odidctl watch                     the same, again every second\n"
     "  odidctl flights [N] [--json]      was it on the air the whole flight? one line a power-on,\n"
     "                                    newest first; record N in detail\n"
+    "  odidctl armed                     armed, disarmed or unknown; for scripts\n"
     "  odidctl check FILE                what is wrong in a configuration file\n"
     "  odidctl get SECTION.KEY...        the values in force, such as wifi.channel's, one a line\n"
     "  odidctl set SECTION.KEY VALUE     changes it, unless it is wrong\n"
     "  odidctl import DIR                takes over DIR/odid.conf and DIR/authorized_keys\n"
     "  odidctl maintenance on|off        opens the access point to the technician, or closes it\n"
     "  odidctl update [FILE|URL]         installs a bundle; alone: how the update stands\n"
+    "  odidctl update DIR                the newest one there, if it is newer; as from a stick\n"
+    "  odidctl update cancel             calls off what is being installed\n"
+    "  odidctl find-autopilot BAUD SECONDS PORT...\n"
+    "                                    on which serial port one speaks; for scripts\n"
     "  odidctl factory-reset             forgets all settings, and takes over what CONFIG has\n"
     "  odidctl --version | --help\n"
     "\n"
@@ -114,9 +119,20 @@ static int run_maintenance(char *const words[])
     return odidctl_maintenance(&self.places, words[1]);
 }
 
+static int run_armed(char *const words[])
+{
+    (void)words;
+    return odidctl_tell_armed(&self.places);
+}
+
 static int run_update(char *const words[])
 {
     return odidctl_update(&self.places, words[1]);
+}
+
+static int run_find_autopilot(char *const words[])
+{
+    return odidctl_find_autopilot(words[1], words[2], words + 3);
 }
 
 static int run_factory_reset(char *const words[])
@@ -141,9 +157,12 @@ static const struct command {
     {"get", 2, WORDS_MAX, "get needs at least one SECTION.KEY, and takes up to 11", run_get, false},
     {"set", 3, 3, "set needs SECTION.KEY and VALUE; quote a value with blanks", run_set, false},
     {"import", 2, 2, "import needs one DIR", run_import, false},
+    {"armed", 1, 1, "armed takes no words", run_armed, false},
     {"maintenance", 2, 2, "maintenance needs \"on\" or \"off\"", run_maintenance, false},
     {"factory-reset", 1, 1, "factory-reset takes no words", run_factory_reset, false},
-    {"update", 1, 2, "update takes at most one FILE or URL", run_update, false},
+    {"find-autopilot", 4, WORDS_MAX, "find-autopilot needs BAUD, SECONDS and up to 9 PORTs",
+     run_find_autopilot, false},
+    {"update", 1, 2, "update takes at most one FILE, URL or DIR, or \"cancel\"", run_update, false},
 };
 
 /* ---- command line ---- */

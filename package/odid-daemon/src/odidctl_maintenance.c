@@ -12,6 +12,7 @@ int odidctl_maintenance(const struct odidctl_places *places, const char *word)
 {
     char path[ODIDCTL_PATH_SIZE];
     bool on = strcmp(word, "on") == 0;
+    const char *why;
     int fd;
 
     snprintf(path, sizeof(path), "%s/maintenance-asked", places->state);
@@ -24,8 +25,9 @@ int odidctl_maintenance(const struct odidctl_places *places, const char *word)
             "Maintenance ends, unless [maintenance] at_boot keeps it until the aircraft is armed.");
         return ODIDCTL_GOOD;
     }
-    if (odidctl_armed(places)) {
-        fputs("odidctl: the aircraft is armed: no maintenance.\n", stderr);
+    why = odidctl_not_disarmed(places);
+    if (why != NULL) {
+        fprintf(stderr, "odidctl: %s: no maintenance.\n", why);
         return ODIDCTL_NOT_GOOD;
     }
     fd = open(path, O_WRONLY | O_CREAT | O_CLOEXEC, 0644);

@@ -16,7 +16,12 @@
 #include "odidctl.h"
 #include "whole_file.h"
 
-/* In data; the appliance makes the access point's name at its first boot. */
+/*
+ * In data; the appliance makes the access point's name at its first boot. The
+ * key is made of the password and that name: the file has both, a line each, so
+ * that no power cut leaves one without the other. The name in it counts; the
+ * appliance's S33secrets brings the access point's back in line with it.
+ */
 #define SECRETS "secrets"
 #define KEY_FILE SECRETS "/maintenance.psk"
 #define MADE_FILE SECRETS "/maintenance.made"
@@ -51,7 +56,7 @@ static int remove_file(const char *path)
     return unlink(path) < 0 && errno != ENOENT ? -errno : 0;
 }
 
-/* As hostapd's configuration has it. */
+/* The access point's name, as hostapd's configuration has it. */
 static void read_ssid(const char *data, char ssid[SSID_MAX + 1])
 {
     char path[ODIDCTL_PATH_SIZE];
@@ -61,6 +66,19 @@ static void read_ssid(const char *data, char ssid[SSID_MAX + 1])
     if (ssid[0] == '\0') {
         snprintf(ssid, SSID_MAX + 1, "%s", SSID_DEFAULT);
     }
+}
+
+/* The name that a kept key was made with: its second line, or, where an earlier version wrote no
+ * such, the access point's. */
+static void read_key_ssid(const char *data, const char *kept, char ssid[SSID_MAX + 1])
+{
+    const char *line = strchr(kept, '\n');
+
+    if (line == NULL || line[1] == '\0' || line[1] == '\n') {
+        read_ssid(data, ssid);
+        return;
+    }
+    snprintf(ssid, SSID_MAX + 1, "%.*s", (int)strcspn(line + 1, "\r\n"), line + 1);
 }
 
 static int make_secrets(const char *data)
@@ -73,18 +91,20 @@ static int make_secrets(const char *data)
 
 static int keep_key(const char *data, const char *password)
 {
-    char path[ODIDCTL_PATH_SIZE], ssid[SSID_MAX + 1], line[MAINTENANCE_KEY_SIZE + 1];
+    char path[ODIDCTL_PATH_SIZE], ssid[SSID_MAX + 1], key[MAINTENANCE_KEY_SIZE];
+    char lines[sizeof(key) + sizeof(ssid) + 1];
     int result = make_secrets(data);
 
     if (result < 0) {
         return result;
     }
     read_ssid(data, ssid);
-    maintenance_key(password, ssid, line);
-    strcat(line, "\n");
+    maintenance_key(password, ssid, key);
+    snprintf(lines, sizeof(lines), "%s\n%s\n", key, ssid);
     data_path(data, KEY_FILE, path);
-    result = whole_file_replace(path, line, strlen(line), 0600);
-    explicit_bzero(line, sizeof(line));
+    result = whole_file_replace(path, lines, strlen(lines), 0600);
+    explicit_bzero(key, sizeof(key));
+    explicit_bzero(lines, sizeof(lines));
     return result;
 }
 
@@ -128,7 +148,7 @@ int odidctl_check_password(const char *data, const char *password)
         free(kept);
         return result;
     }
-    read_ssid(data, ssid);
+    read_key_ssid(data, kept, ssid);
     maintenance_key(password, ssid, key);
     result = nettle_memeql_sec(kept, key, sizeof(key) - 1);
     explicit_bzero(kept, length);

@@ -182,6 +182,7 @@ int odidctl_get(const struct odidctl_places *places, char *const names[])
 static int apply(const struct odidctl_places *places)
 {
     char *const arguments[] = {(char *)places->apply, NULL};
+    const char *why;
     int error, status;
     pid_t child;
 
@@ -189,8 +190,9 @@ static int apply(const struct odidctl_places *places)
         puts("Saved. Restart the daemon to make it count.");
         return ODIDCTL_GOOD;
     }
-    if (odidctl_armed(places)) {
-        puts("Saved. The aircraft is armed: it takes effect after the next power-on.");
+    why = odidctl_not_disarmed(places);
+    if (why != NULL) {
+        printf("Saved. %s: it takes effect after the next power-on.\n", why);
         return ODIDCTL_GOOD;
     }
     fflush(stdout);

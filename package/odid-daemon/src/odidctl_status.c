@@ -1,16 +1,20 @@
 /* odidctl status and watch: how the daemon and the appliance are. */
 #include <errno.h>
 #include <json-c/json_tokener.h>
+#include <json-c/linkhash.h>
 #include <stdio.h>
 #include <string.h>
 #include <time.h>
 #include <unistd.h>
 
+#include "kept.h"
 #include "odidctl.h"
 #include "odidctl_table.h"
 #include "status.h"
 #include "status_ask.h"
+#include "utf8.h"
 
+#define TRIES 20 /* two seconds */
 #define PATIENCE_MS 3000
 
 /* ---- asking the daemon ---- */
@@ -46,6 +50,37 @@ static int say_no_answer(const char *run_dir, int error)
     return ODIDCTL_NO_ANSWER;
 }
 
+/* What a terminal would obey becomes '?': the daemon speaks with the network's words, and may have
+ * been taken over. Deeper than the tokener goes there is nothing. */
+static void clean(struct json_object *value)
+{
+    char text[1024];
+
+    switch (json_object_get_type(value)) {
+    case json_type_string:
+        if (utf8_clean(text, sizeof(text), json_object_get_string(value)) > 0 ||
+            json_object_get_string_len(value) >= (int)sizeof(text)) {
+            json_object_set_string(value, text);
+        }
+        break;
+    case json_type_array:
+        for (size_t i = 0; i < json_object_array_length(value); i++) {
+            clean(json_object_array_get_idx(value, i));
+        }
+        break;
+    case json_type_object: {
+        json_object_object_foreach(value, name, inner)
+        {
+            (void)name; /* known ones are asked for; none is shown */
+            clean(inner);
+        }
+        break;
+    }
+    default:
+        break;
+    }
+}
+
 struct json_object *odidctl_fetch(const char *run_dir, int *error)
 {
     static char answer[STATUS_ANSWER_MAX];
@@ -67,22 +102,65 @@ struct json_object *odidctl_fetch(const char *run_dir, int *error)
         *error = EBADMSG;
         return NULL;
     }
+    clean(status);
     return status;
 }
 
-bool odidctl_armed(const struct odidctl_places *places)
-{
-    int error = 0;
-    struct json_object *status = odidctl_fetch(places->run_dir, &error);
-    struct json_object *armed =
-        json_object_object_get(json_object_object_get(status, "aircraft"), "armed");
-    bool known = json_object_is_type(armed, json_type_boolean);
-    bool yes = json_object_get_boolean(armed);
-    char path[ODIDCTL_PATH_SIZE];
+static const char armed_text[] = "The aircraft is armed";
+static const char unknown_text[] =
+    "Whether the aircraft is armed isn't known, for the daemon doesn't answer";
 
-    json_object_put(status);
-    snprintf(path, sizeof(path), "%s/armed", places->state);
-    return known ? yes : access(path, F_OK) == 0;
+/* It may be about to start again. */
+static bool answers(const char *run_dir)
+{
+    const struct timespec pause = {.tv_nsec = 100000000};
+    struct json_object *status;
+    int error = 0;
+
+    for (int tries = 0; tries < TRIES; tries++) {
+        status = odidctl_fetch(run_dir, &error);
+        if (status != NULL) {
+            json_object_put(status);
+            return true;
+        }
+        if (error != ENOENT && error != ECONNREFUSED) {
+            return false;
+        }
+        nanosleep(&pause, NULL);
+    }
+    return false;
+}
+
+/* Read again after the answer: a daemon that starts late may have something else to say. */
+static const char *not_disarmed(const char *run_dir, struct kept *kept)
+{
+    if (kept_read(run_dir, kept) == 0 && kept->armed == KEPT_ARMED) {
+        return armed_text;
+    }
+    if (!answers(run_dir) || kept_read(run_dir, kept) < 0) {
+        return unknown_text;
+    }
+    return kept->armed == KEPT_ARMED ? armed_text : NULL;
+}
+
+const char *odidctl_not_disarmed(const struct odidctl_places *places)
+{
+    struct kept kept;
+
+    return not_disarmed(places->run_dir, &kept);
+}
+
+int odidctl_tell_armed(const struct odidctl_places *places)
+{
+    struct kept kept;
+    const char *why = not_disarmed(places->run_dir, &kept);
+
+    printf("%s %s %u\n",
+           why == NULL         ? "disarmed"
+           : why == armed_text ? "armed"
+                               : "unknown",
+           kept.armed_once ? "once" : "never", kept.vehicle);
+    return why == NULL ? ODIDCTL_NOT_GOOD : ODIDCTL_GOOD;
 }
 
 /* ---- showing ---- */

@@ -153,7 +153,7 @@ static void print_channel(FILE *out, struct json_object *channel, bool colour)
 {
     const char *detail = text_or(channel, "detail", NULL);
     char since[32], sent[32];
-    double repairs = number(channel, "repairs");
+    double repairs = number(channel, "repairs"), replaced = number(channel, "replaced");
 
     odidctl_duration(since, sizeof(since), number(channel, "since_s"));
     odidctl_duration(sent, sizeof(sent), number(channel, "last_accepted_s"));
@@ -165,6 +165,9 @@ static void print_channel(FILE *out, struct json_object *channel, bool colour)
     }
     if (repairs > 0) {
         fprintf(out, ", repaired %.0f times", repairs);
+    }
+    if (replaced > 0) {
+        fprintf(out, ", %.0f never taken", replaced);
     }
     fprintf(out, "%s\n", is_true(channel, "required") ? "" : " (not required)");
     if (detail != NULL) {
@@ -178,6 +181,20 @@ static void print_channels(FILE *out, struct json_object *status, bool colour)
     for (size_t i = 0; i < CHANNEL_COUNT; i++) {
         print_channel(out, find(status, channels[i]), colour);
     }
+}
+
+static void print_refused(FILE *out, struct json_object *refused)
+{
+    size_t count = elements(refused);
+
+    if (count == 0) {
+        return;
+    }
+    fprintf(out, "  " LABEL "to send", "Refuses");
+    for (size_t i = 0; i < count; i++) {
+        fprintf(out, " %d", json_object_get_int(json_object_array_get_idx(refused, i)));
+    }
+    fprintf(out, " (numbers of MAVLink messages)\n");
 }
 
 static void print_autopilot(FILE *out, struct json_object *status, bool colour)
@@ -204,6 +221,7 @@ static void print_autopilot(FILE *out, struct json_object *status, bool colour)
             fmax(number(status, "mavlink.other_transmitter"), 0) +
                 fmax(number(status, "mavlink.other_aircraft"), 0) +
                 fmax(number(status, "mavlink.other_system"), 0));
+    print_refused(out, find(status, "aircraft.refused_messages"));
     fprintf(out, "  " LABEL "%s\n", "Time (UTC)", text_or(status, "time.utc", UNKNOWN));
 }
 

@@ -16,7 +16,11 @@
 #include <unistd.h>
 
 #include "odidctl.h"
+#include "update_bundle.h"
 #include "update_files.h"
+#include "update_gate.h"
+#include "update_offer.h"
+#include "update_places.h"
 #include "whole_file.h"
 
 #define FILE_MAX 8192
@@ -158,7 +162,10 @@ static bool is_url(const char *name)
 /* By curl, which checks certificates; no shell is in the way. Returns 0 or an errno. */
 static int open_url(const char *url, struct source *source)
 {
-    char *const words[] = {"curl", "-fsSL", "--proto", "=http,https", "--", (char *)url, NULL};
+    char *const words[] = {
+        "curl", "-fsSL",        "--proto", "=http,https",   "--max-redirs", "5",  "--max-time",
+        "600",  "--speed-time", "30",      "--speed-limit", "1000",         "--", (char *)url,
+        NULL};
     posix_spawn_file_actions_t actions;
     int ends[2], result;
 
@@ -267,8 +274,87 @@ static int install(const struct odidctl_places *places, const char *name)
     return code < 0 ? ODIDCTL_NO_ANSWER : code;
 }
 
+/* ---- a stick ---- */
+
+/* Would the gate take it, as far as versions go? If not, it is said. */
+static bool is_wanted(const struct odidctl_places *places, const struct update_bundle *bundle)
+{
+    char running[UPDATE_VERSION_SIZE], rolled_back[UPDATE_VERSION_SIZE];
+    char path[ODIDCTL_PATH_SIZE], why[UPDATE_SENTENCE_SIZE];
+    const struct update_versions versions = {.offered = bundle->version,
+                                             .running = running,
+                                             .rolled_back = rolled_back,
+                                             .unattended = true};
+    bool wanted;
+
+    whole_file_line(VERSION_FILE, running, sizeof(running));
+    snprintf(path, sizeof(path), "%s/" UPDATE_BACK_FILE, places->data);
+    whole_file_line(path, rolled_back, sizeof(rolled_back));
+    wanted = update_versions_judge(&versions, why, sizeof(why));
+    if (!wanted) {
+        puts(why);
+    }
+    return wanted;
+}
+
+/* The newest bundle of the folder, as one that nobody asked for: the gate is told so, and judges by
+ * the description that was verified. This one only saves work. */
+static int install_from(const struct odidctl_places *places, const char *folder)
+{
+    char hardware[UPDATE_HARDWARE_SIZE], name[NAME_MAX + 1];
+    char path[ODIDCTL_PATH_SIZE + NAME_MAX + 2];
+    struct update_bundle bundle;
+    int unattended, result;
+
+    snprintf(path, sizeof(path), "%s/hardware", places->state);
+    whole_file_line(path, hardware, sizeof(hardware));
+    result = update_bundle_newest(folder, hardware, name, &bundle);
+    if (result < 0) {
+        printf("There is no bundle for %s at the top level of %s%s%s.\n",
+               hardware[0] == '\0' ? "this board" : hardware, folder, result == -ENOENT ? "" : ": ",
+               result == -ENOENT ? "" : strerror(-result));
+        return ODIDCTL_NOT_GOOD;
+    }
+    if (!is_wanted(places, &bundle)) {
+        return ODIDCTL_NOT_GOOD;
+    }
+    unattended = update_gate_say(places->state, "unattended");
+    if (unattended < 0) {
+        fputs("odidctl: the service update doesn't answer: nothing is installed.\n", stderr);
+        return ODIDCTL_NO_ANSWER;
+    }
+    printf("Version %s is installed.\n", bundle.version);
+    snprintf(path, sizeof(path), "%s/%s", folder, name);
+    result = install(places, path);
+    close(unattended);
+    return result;
+}
+
+/* ---- calling it off ---- */
+
+static int cancel(const struct odidctl_places *places)
+{
+    char answer[UPDATE_SENTENCE_SIZE];
+
+    if (update_gate_ask(places->state, "cancel", answer) < 0) {
+        fputs("odidctl: the service update doesn't answer.\n", stderr);
+        return ODIDCTL_NO_ANSWER;
+    }
+    puts(answer[0] == '\0' ? "The update is called off." : answer);
+    return answer[0] == '\0' ? ODIDCTL_GOOD : ODIDCTL_NOT_GOOD;
+}
+
 int odidctl_update(const struct odidctl_places *places, const char *name)
 {
+    struct stat file;
+
     setenv("TMPDIR", "/run/swupdate", 0); /* where libswupdate looks for SWUpdate */
-    return name == NULL ? tell(places) : install(places, name);
+    if (name == NULL) {
+        return tell(places);
+    }
+    if (strcmp(name, "cancel") == 0) {
+        return cancel(places);
+    }
+    return stat(name, &file) == 0 && S_ISDIR(file.st_mode) ? install_from(places, name)
+                                                           : install(places, name);
 }

@@ -6,6 +6,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "config_keys.h"
 #include "log.h"
 
 #define DEFAULT_FILE "/etc/odid/odid.conf"
@@ -56,6 +57,17 @@ static void forget_secrets(void)
     }
 }
 
+static bool read_system_id(const char *text, uint8_t *system_id)
+{
+    unsigned long value;
+
+    if (!config_whole_number(text, UINT8_MAX, &value)) {
+        return false;
+    }
+    *system_id = (uint8_t)value;
+    return value >= 1;
+}
+
 bool options_read(struct options *options, int argc, char *const argv[])
 {
     enum {
@@ -65,6 +77,8 @@ bool options_read(struct options *options, int argc, char *const argv[])
         FLAG_DEBUG,
         FLAG_CHECK,
         FLAG_LOG,
+        FLAG_APPLIANCE,
+        FLAG_VEHICLE,
         FLAG_VERSION
     };
     static const struct option flags[] = {
@@ -74,11 +88,13 @@ bool options_read(struct options *options, int argc, char *const argv[])
         {"debug", no_argument, NULL, FLAG_DEBUG},
         {"check", no_argument, NULL, FLAG_CHECK},
         {"seccomp-log", no_argument, NULL, FLAG_LOG},
+        {"appliance", no_argument, NULL, FLAG_APPLIANCE},
+        {"expect-vehicle", required_argument, NULL, FLAG_VEHICLE},
         {"version", no_argument, NULL, FLAG_VERSION},
         {NULL, 0, NULL, 0},
     };
     const char *file = DEFAULT_FILE;
-    bool no_wifi = false, no_bt = false, debug = false;
+    bool no_wifi = false, no_bt = false, debug = false, appliance = false;
     int flag;
 
     memset(options, 0, sizeof(*options));
@@ -102,6 +118,15 @@ bool options_read(struct options *options, int argc, char *const argv[])
         case FLAG_LOG:
             options->seccomp_log = true;
             break;
+        case FLAG_APPLIANCE:
+            appliance = true;
+            break;
+        case FLAG_VEHICLE:
+            if (!read_system_id(optarg, &options->expected_vehicle)) {
+                fprintf(stderr, "odid-daemon: -expect-vehicle %s: expected 1-255\n", optarg);
+                return false;
+            }
+            break;
         case FLAG_VERSION:
             options->version = true;
             return true;
@@ -116,6 +141,9 @@ bool options_read(struct options *options, int argc, char *const argv[])
     config_defaults(&options->config);
     config_read_file(&options->config, file, report, options);
     config_read_environment(&options->config, environment, report, options);
+    if (appliance) {
+        config_keep_appliance(&options->config, report, options);
+    }
     forget_secrets();
     /* odidctl's concern, and not to be found here. */
     explicit_bzero(options->config.maintenance_password,

@@ -6,6 +6,7 @@
 #define ODID_OPTIONS_H
 
 #include <stdbool.h>
+#include <stdint.h>
 
 #include "config.h"
 
@@ -13,9 +14,11 @@
 
 struct options {
     struct config config;
-    bool check;       /* validate and exit */
-    bool version;     /* print and exit */
-    bool seccomp_log; /* the filter only logs */
+    bool check;               /* validate and exit */
+    bool version;             /* print and exit */
+    bool seccomp_log;         /* the filter only logs */
+    uint8_t expected_vehicle; /* MAVLink system id that was the vehicle's at the last power-on; 0:
+                                 none */
     unsigned errors, warnings;
     unsigned reports; /* sentences kept below, for the status */
     char report[OPTIONS_REPORTS][CONFIG_PROBLEM_SIZE];

@@ -87,6 +87,16 @@ void pilot_channel(struct pilot *pilot, uint8_t vehicle, enum channel channel,
     pilot->seen[channel] = pilot->seen[channel] || on_air;
 }
 
+void pilot_sources(struct pilot *pilot, uint8_t vehicle, bool contradicted)
+{
+    if (contradicted != pilot->contradicted) {
+        pilot->contradicted = contradicted;
+        send_text(pilot, vehicle, contradicted ? MAV_SEVERITY_CRITICAL : MAV_SEVERITY_NOTICE,
+                  contradicted ? "Remote ID: two sources speak as the autopilot"
+                               : "Remote ID: one autopilot speaks again");
+    }
+}
+
 void pilot_ask_rate(struct pilot *pilot, uint8_t vehicle, uint16_t message_id, uint32_t interval_us)
 {
     mavlink_message_t message;

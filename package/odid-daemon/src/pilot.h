@@ -23,6 +23,7 @@ struct pilot {
     pilot_send_fn *send;
     void *context;
     bool lost[CHANNELS], seen[CHANNELS]; /* as last told */
+    bool contradicted;
 };
 
 void pilot_init(struct pilot *pilot, pilot_send_fn *send, void *context);
@@ -39,6 +40,9 @@ void pilot_tell(struct pilot *pilot, uint8_t vehicle, const char *reason);
  */
 void pilot_channel(struct pilot *pilot, uint8_t vehicle, enum channel channel,
                    const struct radio *radio, int64_t now_us);
+
+/* Do two sources speak as the autopilot? A STATUSTEXT when that begins (critical) or ends. */
+void pilot_sources(struct pilot *pilot, uint8_t vehicle, bool contradicted);
 
 /* Asks component 1 for message_id every interval_us (MAV_CMD_SET_MESSAGE_INTERVAL). */
 void pilot_ask_rate(struct pilot *pilot, uint8_t vehicle, uint16_t message_id,

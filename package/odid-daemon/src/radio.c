@@ -67,6 +67,11 @@ void radio_enter(struct radio *radio, enum channel channel, enum radio_state sta
     }
 }
 
+void radio_replaced(struct radio *radio)
+{
+    radio->replaced += radio->state == RADIO_ON_AIR ? 1 : 0;
+}
+
 void radio_accepted(struct radio *radio, enum channel channel, int64_t now_us)
 {
     (void)channel;

@@ -32,6 +32,7 @@ struct radio {
     int64_t confirmed_us;           /* when it was last known to transmit the newest content */
     int64_t unbroken_us;            /* since when it was known without a pause; INT64_MIN: never */
     uint64_t payloads;              /* taken by the radio */
+    uint64_t replaced;              /* on the air, not given to it: a newer one came first */
     unsigned starts;                /* times it came on air */
     unsigned repairs;               /* foreign commands undone */
     unsigned failures;              /* errors and time-outs */
@@ -48,6 +49,8 @@ void radio_init(struct radio *radio, enum radio_state state, int64_t now_us);
 void radio_enter(struct radio *radio, enum channel channel, enum radio_state state,
                  const char *detail, int64_t now_us);
 
+/* A payload was made while an older one still waited for the radio. */
+void radio_replaced(struct radio *radio);
 /* A payload was taken: the channel is on air. */
 void radio_accepted(struct radio *radio, enum channel channel, int64_t now_us);
 /* The radio says that it transmits what it was given last, and nothing newer waits. */

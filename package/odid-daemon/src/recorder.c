@@ -28,6 +28,8 @@ const char *recorder_kind_name(enum recorder_fault_kind kind)
         return "position";
     case RECORDER_IDENTITY:
         return "identity";
+    case RECORDER_SOURCES:
+        return "sources";
     case RECORDER_UNDERVOLTAGE:
         return "undervoltage";
     case RECORDER_THROTTLED:
@@ -234,6 +236,8 @@ static void take_needs(struct recorder *recorder, const struct recorder_snapshot
          "no position from the autopilot");
     need(recorder, RECORDER_IDENTITY, snapshot->identity, started,
          "Basic ID or operator number is missing");
+    need(recorder, RECORDER_SOURCES, !snapshot->two_sources, DUE,
+         "two sources speak as the autopilot");
 }
 
 /* A short one that was over before anybody looked is said all the same. */

@@ -6,6 +6,17 @@
 #include "recorder_json.h"
 #include "utf8.h"
 
+/* An answer is handed out for a quarter of a second, and may wait for its reader's patience. */
+#define OLDEST_US 3000000
+
+/* When the answer was made: its ages are counted back from there. */
+static int64_t made_us(struct json_object *status, int64_t now_us)
+{
+    int64_t at_us = recorder_json_us(status, "at_s", now_us);
+
+    return at_us > now_us || now_us - at_us > OLDEST_US ? now_us : at_us;
+}
+
 /* When something was that is an age in the status; INT64_MIN for never. */
 static int64_t instant(struct json_object *object, const char *path, int64_t now_us)
 {
@@ -39,6 +50,7 @@ void recorder_snapshot(struct recorder_snapshot *snapshot, struct json_object *s
     struct json_object *ids = recorder_json_find(status, "identity.basic_ids");
     char path[32];
 
+    now_us = made_us(status, now_us);
     snapshot->answered = true;
     snapshot->daemon_start_us = now_us - recorder_json_us(status, "uptime_s", 0);
     for (enum channel channel = 0; channel < CHANNELS; channel++) {
@@ -53,5 +65,6 @@ void recorder_snapshot(struct recorder_snapshot *snapshot, struct json_object *s
     snapshot->identity = json_object_is_type(ids, json_type_array) &&
                          json_object_array_length(ids) > 0 &&
                          recorder_json_find(status, "identity.operator_id.operator_id") != NULL;
+    snapshot->two_sources = recorder_json_true(status, "mavlink.contradicted");
     snapshot->unix_us = recorder_json_utc_us(status, "time.utc");
 }

@@ -6,7 +6,7 @@
 
 #include "recorder.h"
 
-/* Fills all but the board. now_us: when the answer came; ages are counted back from it. */
+/* Fills all but the board. now_us: when the answer came, on the clock of its "at_s". */
 void recorder_snapshot(struct recorder_snapshot *snapshot, struct json_object *status,
                        int64_t now_us);
 

@@ -114,6 +114,152 @@ static const int allowed[] = {
 };
 
 static const int socket_families[] = {AF_UNIX, AF_INET, AF_BLUETOOTH};
+#define FAMILIES_MAX 64 /* more than Linux has */
+
+/*
+ * What nothing here ever needs, whatever a later library does: refused even
+ * when the filter only logs. Whoever makes the daemon die twice by the filter
+ * gets no other program, process, kernel or user by it.
+ *
+ * Files are not among them: the filter sees numbers and no paths, so it can't
+ * tell our run directory from another place, and the daemon opens a terminal
+ * for writing as an attacker would open anything. There it is the user that
+ * counts, whom nothing but the run directory belongs to; that can't be changed
+ * from here, and links and nodes, by which others might be led astray, can't
+ * be made.
+ */
+static const int never[] = {
+    /* another program, or process */
+    SCMP_SYS(execve),
+    SCMP_SYS(execveat),
+    SCMP_SYS(fork),
+    SCMP_SYS(vfork),
+    SCMP_SYS(clone),
+    SCMP_SYS(clone3),
+    SCMP_SYS(uselib),
+    /* into other processes */
+    SCMP_SYS(ptrace),
+    SCMP_SYS(process_vm_readv),
+    SCMP_SYS(process_vm_writev),
+    SCMP_SYS(process_madvise),
+    SCMP_SYS(pidfd_getfd),
+    SCMP_SYS(kcmp),
+    /* what is mounted, where the root is, namespaces */
+    SCMP_SYS(mount),
+    SCMP_SYS(umount),
+    SCMP_SYS(umount2),
+    SCMP_SYS(mount_setattr),
+    SCMP_SYS(move_mount),
+    SCMP_SYS(open_tree),
+    SCMP_SYS(fsopen),
+    SCMP_SYS(fsconfig),
+    SCMP_SYS(fsmount),
+    SCMP_SYS(fspick),
+    SCMP_SYS(pivot_root),
+    SCMP_SYS(chroot),
+    SCMP_SYS(unshare),
+    SCMP_SYS(setns),
+    SCMP_SYS(swapon),
+    SCMP_SYS(swapoff),
+    SCMP_SYS(quotactl),
+    /* the kernel itself */
+    SCMP_SYS(init_module),
+    SCMP_SYS(finit_module),
+    SCMP_SYS(delete_module),
+    SCMP_SYS(kexec_load),
+    SCMP_SYS(kexec_file_load),
+    SCMP_SYS(bpf),
+    SCMP_SYS(perf_event_open),
+    SCMP_SYS(userfaultfd),
+    SCMP_SYS(add_key),
+    SCMP_SYS(request_key),
+    SCMP_SYS(keyctl),
+    SCMP_SYS(reboot),
+    SCMP_SYS(syslog),
+    SCMP_SYS(acct),
+    SCMP_SYS(personality),
+    SCMP_SYS(iopl),
+    SCMP_SYS(ioperm),
+    /* who we are: that is settled before the filter */
+    SCMP_SYS(setuid),
+    SCMP_SYS(setgid),
+    SCMP_SYS(setreuid),
+    SCMP_SYS(setregid),
+    SCMP_SYS(setresuid),
+    SCMP_SYS(setresgid),
+    SCMP_SYS(setfsuid),
+    SCMP_SYS(setfsgid),
+    SCMP_SYS(setgroups),
+    SCMP_SYS(capset),
+    /* by which all of this could be gone round: other calls' work, handles instead of names */
+    SCMP_SYS(io_uring_setup),
+    SCMP_SYS(io_uring_enter),
+    SCMP_SYS(io_uring_register),
+    SCMP_SYS(open_by_handle_at),
+    SCMP_SYS(openat2),
+    SCMP_SYS(pkey_mprotect),
+    /* names that lead elsewhere */
+    SCMP_SYS(link),
+    SCMP_SYS(linkat),
+    SCMP_SYS(symlink),
+    SCMP_SYS(symlinkat),
+    SCMP_SYS(mknod),
+    SCMP_SYS(mknodat),
+    /* the clock, the machine's name */
+    SCMP_SYS(settimeofday),
+    SCMP_SYS(clock_settime),
+    SCMP_SYS(clock_adjtime),
+    SCMP_SYS(adjtimex),
+    SCMP_SYS(sethostname),
+    SCMP_SYS(setdomainname),
+};
+
+static bool is_ours(int family)
+{
+    for (size_t i = 0; i < sizeof(socket_families) / sizeof(socket_families[0]); i++) {
+        if (socket_families[i] == family) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/* Netlink (with CAP_NET_ADMIN: the firewall) and packets among them. */
+static int refuse_other_sockets(scmp_filter_ctx filter, uint32_t refuse)
+{
+    int result = seccomp_rule_add(filter, refuse, SCMP_SYS(socket), 1,
+                                  SCMP_A0(SCMP_CMP_GE, (scmp_datum_t)FAMILIES_MAX));
+
+    for (int family = 0; result == 0 && family < FAMILIES_MAX; family++) {
+        if (!is_ours(family)) {
+            result = seccomp_rule_add(filter, refuse, SCMP_SYS(socket), 1,
+                                      SCMP_A0(SCMP_CMP_EQ, (scmp_datum_t)family));
+        }
+    }
+    return result;
+}
+
+/* With an error, not by ending us: silence is worse than a call that fails. */
+static int add_refusals(scmp_filter_ctx filter)
+{
+    const uint32_t refuse = SCMP_ACT_ERRNO(EPERM);
+    const uint64_t executable = PROT_EXEC;
+    int result = 0;
+
+    for (size_t i = 0; i < sizeof(never) / sizeof(never[0]); i++) {
+        result = seccomp_rule_add(filter, refuse, never[i], 0);
+        if (result < 0 && result != -EDOM) {
+            return result;
+        }
+    }
+    result = seccomp_rule_add(filter, refuse, SCMP_SYS(mmap), 1,
+                              SCMP_A2(SCMP_CMP_MASKED_EQ, executable, executable));
+    if (result == 0) {
+        result = seccomp_rule_add(filter, refuse, SCMP_SYS(mprotect), 1,
+                                  SCMP_A2(SCMP_CMP_MASKED_EQ, executable, executable));
+    }
+    return result < 0 ? result : refuse_other_sockets(filter, refuse);
+}
 
 static int add_rules(scmp_filter_ctx filter)
 {
@@ -151,6 +297,9 @@ static int enter_filter(bool log_only)
         return -ENOMEM;
     }
     result = add_rules(filter);
+    if (result == 0 && log_only) {
+        result = add_refusals(filter);
+    }
     if (result == 0) {
         result = seccomp_load(filter);
     }

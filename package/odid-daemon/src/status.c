@@ -13,11 +13,18 @@
 
 #include "log.h"
 #include "loop.h"
+#include "status_ask.h"
 #include "status_json.h"
 
 #define BUCKET_US 50
 #define BUCKETS (sizeof(((struct status_lateness *)NULL)->histogram) / sizeof(uint32_t))
 #define BACKLOG 8
+/* An answer is made this often at most, and handed out as it is meanwhile. */
+#define MADE_EVERY_US 250000
+/* So many are taken in a slot. Whoever comes beyond that waits in the kernel: our time goes to the
+ * broadcast, and a flood is no loop that never sleeps (RLIMIT_RTTIME would end us). */
+#define SLOT_US 125000
+#define TAKEN_MAX 8
 /* After an accept that failed: the same error would come back at once, and for ever. */
 #define PAUSE_US 1000000
 
@@ -61,7 +68,34 @@ static struct {
     struct loop_timer pause;
     status_gather_fn *gather;
     void *context;
+    char answer[STATUS_ANSWER_MAX];
+    size_t length; /* of that; 0: none was made yet */
+    int64_t made_us, slot_us;
+    unsigned taken; /* since slot_us */
 } self = {.watch.fd = -1};
+
+static void make_answer(int64_t now_us)
+{
+    struct status_snapshot snapshot = {0};
+    struct json_object *root;
+    const char *text;
+    size_t length;
+
+    self.length = 0;
+    self.made_us = now_us;
+    self.gather(self.context, &snapshot, now_us);
+    root = status_json(&snapshot, now_us);
+    if (root == NULL) {
+        return;
+    }
+    text = json_object_to_json_string_length(root, JSON_C_TO_STRING_PLAIN, &length);
+    if (text != NULL && length <= sizeof(self.answer)) {
+        memcpy(self.answer, text, length);
+        self.length = length;
+    }
+    json_object_put(root);
+    malloc_trim(0); /* the heap is as small between two questions as before the first */
+}
 
 /*
  * A connection gets everything in one piece: it fits into a fresh socket's
@@ -69,37 +103,42 @@ static struct {
  */
 static void answer(int fd, int64_t now_us)
 {
-    struct status_snapshot snapshot = {0};
-    struct json_object *root;
-    const char *text;
-    size_t length;
-
-    self.gather(self.context, &snapshot, now_us);
-    root = status_json(&snapshot, now_us);
-    if (root == NULL) {
-        return;
+    if (self.length == 0 || now_us - self.made_us >= MADE_EVERY_US) {
+        make_answer(now_us);
     }
-    text = json_object_to_json_string_length(root, JSON_C_TO_STRING_PLAIN, &length);
-    if (text != NULL && send(fd, text, length, MSG_NOSIGNAL | MSG_DONTWAIT) != (ssize_t)length) {
+    if (send(fd, self.answer, self.length, MSG_NOSIGNAL | MSG_DONTWAIT) != (ssize_t)self.length) {
         log_debug("status: a reader got only part of the answer");
     }
-    json_object_put(root);
-    malloc_trim(0); /* the heap is as small between two questions as before the first */
+}
+
+static void pause_until(int64_t end_us)
+{
+    loop_watch_events(&self.watch, 0);
+    loop_arm(&self.pause, end_us);
 }
 
 static void on_connection(void *context, uint32_t events, int64_t now_us)
 {
-    int fd = accept4(self.watch.fd, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC);
+    int fd;
 
     (void)context;
     (void)events;
+    if (now_us - self.slot_us >= SLOT_US) {
+        self.slot_us = now_us;
+        self.taken = 0;
+    }
+    if (self.taken == TAKEN_MAX) {
+        pause_until(self.slot_us + SLOT_US);
+        return;
+    }
+    self.taken++;
+    fd = accept4(self.watch.fd, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC);
     if (fd >= 0) {
         answer(fd, now_us); /* one a round: the schedule comes first */
         close(fd);
     } else if (errno != EAGAIN && errno != EINTR && errno != ECONNABORTED) {
         log_warning("status: accept: %s", strerror(errno));
-        loop_watch_events(&self.watch, 0);
-        loop_arm(&self.pause, now_us + PAUSE_US);
+        pause_until(now_us + PAUSE_US);
     }
 }
 
@@ -110,14 +149,14 @@ static void after_pause(void *context, int64_t now_us)
     loop_watch_events(&self.watch, EPOLLIN);
 }
 
-/* Everybody on the machine may read: there is no secret in it. */
+/* For our own group, and root: there is no secret in it, but whoever asks costs time. */
 static int bind_and_listen(int fd, const struct sockaddr_un *address)
 {
     if (unlink(address->sun_path) < 0 && errno != ENOENT) {
         return -errno;
     }
     if (bind(fd, (const struct sockaddr *)address, sizeof(*address)) < 0 ||
-        chmod(address->sun_path, 0666) < 0 || listen(fd, BACKLOG) < 0) {
+        chmod(address->sun_path, 0660) < 0 || listen(fd, BACKLOG) < 0) {
         return -errno;
     }
     return loop_watch(&self.watch, fd, EPOLLIN, on_connection, NULL);

@@ -1,12 +1,18 @@
 /*
- * The daemon's state as one JSON object, to whoever connects to
- * <run_dir>/status.sock: written at once, then closed. odidctl reads it.
+ * The daemon's state as one JSON object, to whoever of its group (and root)
+ * connects to <run_dir>/status.sock: written at once, then closed. odidctl
+ * reads it.
+ *
+ * A flood of questions costs the broadcast nothing that could be heard: an
+ * answer is made four times a second at most, so it is up to 250 ms old, and 64
+ * questions are taken a second; who comes beyond that waits.
  */
 #ifndef ODID_STATUS_H
 #define ODID_STATUS_H
 
 #include <stdint.h>
 
+#include "asking.h"
 #include "health.h"
 #include "telemetry.h"
 
@@ -21,11 +27,12 @@ struct status_lateness {
 void status_lateness_add(struct status_lateness *lateness, int64_t late_us, unsigned skipped);
 int64_t status_lateness_p99_us(const struct status_lateness *lateness);
 
-/* Gathers everything at the moment of a connection. */
+/* Gathers everything, when an answer is made. */
 struct status_snapshot {
     struct health_input input;
     struct health health;
     const struct telemetry_counters *counters;
+    const struct asking *asking;
     const struct status_lateness *lateness;
     int64_t start_us;
     uint8_t vehicle;

@@ -97,6 +97,7 @@ static void add_channels(struct json_object *root, const struct health_input *in
         add_age(object, "confirmed_s", radio->confirmed_us, now_us);
         add_age(object, "unbroken_s", radio->unbroken_us, now_us);
         add_count(object, "payloads", radio->payloads);
+        add_count(object, "replaced", radio->replaced);
         add_count(object, "starts", radio->starts);
         add_count(object, "repairs", radio->repairs);
         add_count(object, "failures", radio->failures);
@@ -116,21 +117,26 @@ static void add_link(struct json_object *root, const struct link_status *link, i
     add_count(object, "bytes_in", link->bytes_in);
     add_count(object, "bytes_out", link->bytes_out);
     add_count(object, "bytes_dropped", link->bytes_dropped);
+    add_count(object, "overrun", link->overrun);
     add_count(object, "opened", link->opened);
     add_count(object, "senders", link->senders);
 }
 
-static void add_mavlink(struct json_object *root, const struct telemetry_counters *counters)
+static void add_mavlink(struct json_object *root, const struct telemetry_counters *counters,
+                        bool contradicted)
 {
     struct json_object *object = add_object(root, "mavlink");
 
     add_count(object, "frames", counters->frames);
-    add_count(object, "bad_crc", counters->bad_crc);
-    add_count(object, "unknown_id", counters->unknown_id);
+    add_count(object, "bad_crc", counters->framing.bad_crc);
+    add_count(object, "unknown_id", counters->framing.unknown_id);
+    add_count(object, "refused", counters->framing.refused);
     add_count(object, "other_transmitter", counters->other_transmitter);
     add_count(object, "other_aircraft", counters->other_aircraft);
     add_count(object, "other_system", counters->other_system);
     add_count(object, "not_needed", counters->not_needed);
+    add_count(object, "not_believed", counters->not_believed);
+    add_bool(object, "contradicted", contradicted);
 }
 
 static void add_basic_ids(struct json_object *identity, const struct aircraft_view *view)
@@ -260,7 +266,21 @@ static void add_time(struct json_object *root, const struct aircraft_condition *
     add_text(object, "utc", text);
 }
 
-static void add_aircraft(struct json_object *root, const struct aircraft_condition *condition)
+/* Messages that the autopilot was asked for in vain, by their numbers. */
+static void add_refused(struct json_object *aircraft, const struct asking *asking, int64_t now_us)
+{
+    struct json_object *array = json_object_new_array();
+    uint16_t refused[ASKING_MESSAGES];
+    unsigned count = asking_refused(asking, now_us, refused);
+
+    add(aircraft, "refused_messages", array);
+    for (unsigned i = 0; i < count; i++) {
+        json_object_array_add(array, json_object_new_int(refused[i]));
+    }
+}
+
+static void add_aircraft(struct json_object *root, const struct aircraft_condition *condition,
+                         const struct asking *asking, int64_t now_us)
 {
     struct json_object *object = add_object(root, "aircraft");
     bool known = condition->heartbeat_fresh;
@@ -273,7 +293,11 @@ static void add_aircraft(struct json_object *root, const struct aircraft_conditi
     add_count(object, "restarts", condition->autopilot_restarts);
     add_bool(object, "takeoff_known", condition->takeoff_known);
     add_bool(object, "takeoff_is_home", condition->takeoff_is_home);
+    add_bool(object, "takeoff_is_late", condition->takeoff_is_late);
+    add_bool(object, "fix_known", condition->fix_known);
+    add_bool(object, "vertical_inverted", condition->vertical_inverted);
     add_number(object, "position_rate_hz", condition->position_rate_hz, "%.2f");
+    add_refused(object, asking, now_us);
 }
 
 static void add_problems(struct json_object *root, const struct health *health)
@@ -324,18 +348,19 @@ struct json_object *status_json(const struct status_snapshot *snapshot, int64_t 
         return NULL;
     }
     add_text(root, "version", ODID_VERSION);
+    add_number(root, "at_s", (double)now_us * 1e-6, "%.2f");
     add_age(root, "uptime_s", snapshot->start_us, now_us);
     add_bool(root, "on_air", snapshot->health.on_air);
     add_text(root, "reason", health_reason(&snapshot->health));
     add_channels(root, input, now_us);
     add_link(root, input->link, now_us);
-    add_mavlink(root, snapshot->counters);
+    add_mavlink(root, snapshot->counters, input->contradicted);
     add(root, "vehicle", snapshot->vehicle == 0 ? NULL : json_object_new_int(snapshot->vehicle));
     add_identity(root, input);
     add_position(root, &input->view->location, now_us);
     add_operator(root, &input->view->system);
     add_time(root, input->condition);
-    add_aircraft(root, input->condition);
+    add_aircraft(root, input->condition, snapshot->asking, now_us);
     add_problems(root, &snapshot->health);
     add_daemon(root, snapshot);
     return root;

@@ -5,26 +5,24 @@
 #include <string.h>
 
 #include "aircraft.h"
+#include "belief.h"
+#include "framing.h"
 #include "telemetry_odid.h"
 
 /* A vehicle that was silent for this long may be another one: a changed SYSID, another aircraft. */
 #define VEHICLE_FORGOTTEN_US 10000000
 #define VEHICLE_EXPECTED_US 3000000 /* three of its HEARTBEATs */
 
-struct stream {
-    mavlink_message_t message; /* as far as parsed */
-    mavlink_status_t status;
-    uint8_t held[MAVLINK_MAX_PACKET_LEN + 1]; /* since the start byte that is being tried */
-    size_t length, parsed;
-    bool failed; /* what was parsed is no frame that can be read */
-};
-
 struct telemetry {
     telemetry_fn *deliver;
     void *context;
-    struct stream streams[TELEMETRY_STREAMS];
+    struct framing framing[TELEMETRY_STREAMS];
     struct telemetry_counters counters;
+    struct belief belief;
     uint8_t vehicle; /* system id, 0 = none yet */
+    uint8_t kept;    /* the first one since power-on: it may return at any time */
+    bool armed;      /* the vehicle's last word */
+    bool identified; /* its autopilot said who it is */
     int vehicle_stream;
     int64_t heartbeat_us;
     int64_t vehicle_until_us;         /* no other system is the vehicle until then */
@@ -40,12 +38,14 @@ struct telemetry *telemetry_init(telemetry_fn *deliver, void *context)
     telemetry.context = context;
     telemetry.vehicle_stream = -1;
     telemetry.heartbeat_us = INT64_MIN;
+    belief_reset(&telemetry.belief);
     return &telemetry;
 }
 
-void telemetry_expect(struct telemetry *telemetry, uint8_t vehicle, int64_t now_us)
+void telemetry_expect(struct telemetry *telemetry, uint8_t vehicle, bool armed, int64_t now_us)
 {
-    telemetry->vehicle = vehicle;
+    telemetry->vehicle = telemetry->kept = vehicle;
+    telemetry->armed = armed;
     telemetry->vehicle_until_us = now_us + VEHICLE_EXPECTED_US;
 }
 
@@ -78,6 +78,7 @@ static void read_gps_raw(const mavlink_message_t *message, struct telemetry_upda
 
     mavlink_msg_gps_raw_int_decode(message, &raw);
     update->gps_raw.fix_type = raw.fix_type;
+    place(raw.lat, raw.lon, &update->gps_raw.latitude_deg, &update->gps_raw.longitude_deg);
     update->gps_raw.separation_m =
         raw.alt_ellipsoid == 0 ? NAN : (raw.alt_ellipsoid - (double)raw.alt) / 1000.0;
     update->gps_raw.horizontal_accuracy_m = thousandths_or_nan(raw.h_acc);
@@ -118,6 +119,26 @@ static void read_system_time(const mavlink_message_t *message, struct telemetry_
     update->system_time.boot_ms = time.time_boot_ms;
 }
 
+static bool read_climb(const mavlink_message_t *message, struct telemetry_update *update)
+{
+    mavlink_vfr_hud_t hud;
+
+    mavlink_msg_vfr_hud_decode(message, &hud);
+    update->climb_mps = (double)hud.climb;
+    return isfinite(hud.climb);
+}
+
+/* Not another component's: a ground station commands, too. MAVLink 1 doesn't say whose it is. */
+static bool read_command_ack(const mavlink_message_t *message, struct telemetry_update *update)
+{
+    mavlink_command_ack_t ack;
+
+    mavlink_msg_command_ack_decode(message, &ack);
+    update->command_ack.command = ack.command;
+    update->command_ack.result = ack.result;
+    return ack.target_component == TELEMETRY_COMPONENT_ODID || ack.target_component == 0;
+}
+
 /* Plain telemetry, from the vehicle's autopilot only. Returns false when the id is of no use. */
 static bool read_plain(const mavlink_message_t *message, struct telemetry_update *update)
 {
@@ -129,6 +150,10 @@ static bool read_plain(const mavlink_message_t *message, struct telemetry_update
     case MAVLINK_MSG_ID_GPS_RAW_INT:
         update->kind = TELEMETRY_GPS_RAW;
         read_gps_raw(message, update);
+        return true;
+    case MAVLINK_MSG_ID_GPS2_RAW:
+        update->kind = TELEMETRY_GPS2_RAW;
+        update->gps_raw.fix_type = mavlink_msg_gps2_raw_get_fix_type(message);
         return true;
     case MAVLINK_MSG_ID_GLOBAL_POSITION_INT:
         update->kind = TELEMETRY_GLOBAL_POSITION;
@@ -142,6 +167,12 @@ static bool read_plain(const mavlink_message_t *message, struct telemetry_update
         update->kind = TELEMETRY_LANDED_STATE;
         update->landed_state = mavlink_msg_extended_sys_state_get_landed_state(message);
         return true;
+    case MAVLINK_MSG_ID_VFR_HUD:
+        update->kind = TELEMETRY_CLIMB;
+        return read_climb(message, update);
+    case MAVLINK_MSG_ID_COMMAND_ACK:
+        update->kind = TELEMETRY_COMMAND_ACK;
+        return read_command_ack(message, update);
     default:
         return false;
     }
@@ -150,6 +181,20 @@ static bool read_plain(const mavlink_message_t *message, struct telemetry_update
 static bool is_ground_station(const struct telemetry *telemetry, uint8_t system_id)
 {
     return telemetry->ground_stations[system_id / 8] >> (system_id % 8) & 1;
+}
+
+/* Where the aircraft is and who, only its autopilot says; a ground station may give an identity to
+ * one that has none. */
+static bool says_where(uint32_t message_id)
+{
+    return message_id == MAVLINK_MSG_ID_OPEN_DRONE_ID_LOCATION ||
+           message_id == MAVLINK_MSG_ID_OPEN_DRONE_ID_MESSAGE_PACK;
+}
+
+static bool says_who(uint32_t message_id)
+{
+    return message_id == MAVLINK_MSG_ID_OPEN_DRONE_ID_BASIC_ID ||
+           message_id == MAVLINK_MSG_ID_OPEN_DRONE_ID_MESSAGE_PACK;
 }
 
 /*
@@ -169,17 +214,36 @@ static bool odid_concerns_us(const struct telemetry *telemetry, const mavlink_me
         if (message->compid == MAV_COMP_ID_AUTOPILOT1) {
             return to->system == 0 || to_vehicle;
         }
+        if (says_where(message->msgid) || says_who(message->msgid)) {
+            return false; /* an autopilot passes on what its radio hears */
+        }
         return to->system == 0 ||
                (to_vehicle && (to->component == 0 || to->component == TELEMETRY_COMPONENT_ODID));
     }
-    if (!is_ground_station(telemetry, message->sysid) ||
-        message->msgid == MAVLINK_MSG_ID_OPEN_DRONE_ID_LOCATION ||
-        message->msgid == MAVLINK_MSG_ID_OPEN_DRONE_ID_MESSAGE_PACK) {
-        return false; /* where the aircraft is, only the aircraft knows */
+    if (!is_ground_station(telemetry, message->sysid) || says_where(message->msgid) ||
+        (says_who(message->msgid) && telemetry->identified)) {
+        return false;
     }
     return to->system == 0 ||
            (to_vehicle && (to->component == 0 || to->component == TELEMETRY_COMPONENT_ODID ||
                            to->component == MAV_COMP_ID_AUTOPILOT1));
+}
+
+/* What one source says is delivered; what contradicts it is another one's. */
+static bool deliver_believed(struct telemetry *telemetry, const struct telemetry_update *update,
+                             int64_t now_us)
+{
+    if (!belief_take(&telemetry->belief, update, now_us)) {
+        telemetry->counters.not_believed++;
+        return false;
+    }
+    telemetry->deliver(telemetry->context, update, now_us);
+    return true;
+}
+
+static void on_native(void *context, const struct telemetry_update *update, int64_t now_us)
+{
+    deliver_believed(context, update, now_us);
 }
 
 static void take_odid(struct telemetry *telemetry, const mavlink_message_t *message, int64_t now_us)
@@ -193,8 +257,27 @@ static void take_odid(struct telemetry *telemetry, const mavlink_message_t *mess
         telemetry->counters.other_system++;
     } else {
         telemetry->counters.frames++;
-        telemetry_odid_read(message, telemetry->deliver, telemetry->context, now_us);
+        if (message->sysid == telemetry->vehicle && says_who(message->msgid)) {
+            telemetry->identified = true;
+        }
+        telemetry_odid_read(message, on_native, telemetry, now_us);
     }
+}
+
+/*
+ * Is this heartbeat, of another system than the vehicle, the vehicle's from now
+ * on? The kept one returns at any time. Another one is a changed system id,
+ * after a long silence and on the ground, or where the kept one was only expected; never a ground
+ * station's.
+ */
+static bool takes_over(const struct telemetry *telemetry, uint8_t system_id, bool armed,
+                       int64_t now_us)
+{
+    if (telemetry->vehicle == 0 || system_id == telemetry->kept) {
+        return true;
+    }
+    return !telemetry->armed && (!armed || telemetry->heartbeat_us == INT64_MIN) &&
+           !is_ground_station(telemetry, system_id) && now_us >= telemetry->vehicle_until_us;
 }
 
 static void take_heartbeat(struct telemetry *telemetry, const mavlink_message_t *message,
@@ -202,7 +285,7 @@ static void take_heartbeat(struct telemetry *telemetry, const mavlink_message_t 
 {
     struct telemetry_update update = {.kind = TELEMETRY_HEARTBEAT};
     mavlink_heartbeat_t heartbeat;
-    bool is_autopilot;
+    bool is_autopilot, armed;
 
     mavlink_msg_heartbeat_decode(message, &heartbeat);
     if (heartbeat.type == MAV_TYPE_GCS) {
@@ -216,17 +299,23 @@ static void take_heartbeat(struct telemetry *telemetry, const mavlink_message_t 
         telemetry->counters.not_needed++;
         return;
     }
+    armed = heartbeat.base_mode & MAV_MODE_FLAG_SAFETY_ARMED;
     if (message->sysid != telemetry->vehicle) {
-        if (telemetry->vehicle != 0 && now_us < telemetry->vehicle_until_us) {
+        if (!takes_over(telemetry, message->sysid, armed, now_us)) {
             telemetry->counters.other_system++;
             return;
         }
         update.heartbeat.new_vehicle = telemetry->vehicle != 0;
         telemetry->vehicle = message->sysid;
+        telemetry->kept = telemetry->kept != 0 ? telemetry->kept : message->sysid;
+        belief_reset(&telemetry->belief);
+        telemetry->identified = false;
     }
+    telemetry->armed = armed;
     telemetry->heartbeat_us = now_us;
     telemetry->vehicle_until_us = now_us + VEHICLE_FORGOTTEN_US;
     telemetry->counters.frames++;
+    update.heartbeat.doubtful = belief_contradicted(&telemetry->belief, now_us);
     update.heartbeat.mav_type = heartbeat.type;
     update.heartbeat.autopilot = heartbeat.autopilot;
     update.heartbeat.base_mode = heartbeat.base_mode;
@@ -260,102 +349,51 @@ static void take_frame(struct telemetry *telemetry, unsigned stream,
     } else if (!from_autopilot(telemetry, message)) {
         telemetry->counters.other_system++;
     } else {
-        telemetry->counters.frames++;
-        telemetry->deliver(telemetry->context, &update, now_us);
+        telemetry->counters.frames += deliver_believed(telemetry, &update, now_us);
     }
     if (from_autopilot(telemetry, message)) {
+        if (telemetry->vehicle_stream != (int)stream) {
+            belief_new_link(&telemetry->belief);
+        }
+        belief_sequence(&telemetry->belief, message->seq, message->checksum, now_us);
         telemetry->vehicle_stream = (int)stream;
     }
 }
 
-/* Tries again from the held byte with this index. */
-static void try_from(struct stream *stream, size_t index)
+/* Of which stream, and when: what the frames of one call have in common. */
+struct arrival {
+    struct telemetry *telemetry;
+    unsigned stream;
+    int64_t now_us;
+};
+
+static void on_frame(void *context, const mavlink_message_t *message)
 {
-    stream->length -= index;
-    memmove(stream->held, stream->held + index, stream->length);
-    stream->parsed = 0;
-    stream->failed = false;
-    stream->status.parse_state = MAVLINK_PARSE_STATE_IDLE;
-}
+    const struct arrival *arrival = context;
 
-/*
- * A frame that can't be read was one, damaged or unknown, where another one
- * follows at once. Else its start byte only looked like one, in the middle of
- * something: frames may have begun since, and the parser alone would swallow
- * them, often for many frames on end.
- */
-static void pass_over(struct stream *stream)
-{
-    uint8_t next = stream->held[stream->parsed];
-    bool framed = next == MAVLINK_STX || next == MAVLINK_STX_MAVLINK1;
-
-    try_from(stream, framed ? stream->parsed : 1);
-}
-
-/* A header that no known sender writes: found out before what follows is taken for its payload. */
-static bool is_absurd(const struct stream *stream)
-{
-    const mavlink_msg_entry_t *entry = mavlink_get_msg_entry(stream->message.msgid);
-
-    if (stream->message.magic == MAVLINK_STX) {
-        return stream->parsed == MAVLINK_NUM_HEADER_BYTES && stream->message.msgid > UINT16_MAX;
-    }
-    return stream->parsed == MAVLINK_CORE_HEADER_MAVLINK1_LEN + 1 && entry != NULL &&
-           stream->message.len != entry->min_msg_len; /* MAVLink 1 never cuts a payload */
-}
-
-static void parse_byte(struct telemetry *telemetry, unsigned stream, struct stream *from,
-                       int64_t now_us)
-{
-    mavlink_message_t message;
-    mavlink_status_t status;
-
-    switch (mavlink_frame_char_buffer(&from->message, &from->status, from->held[from->parsed++],
-                                      &message, &status)) {
-    case MAVLINK_FRAMING_OK:
-        take_frame(telemetry, stream, &message, now_us);
-        try_from(from, from->parsed);
-        break;
-    case MAVLINK_FRAMING_BAD_CRC:
-        /* The CRC covers a seed from the definitions: without one it can't be right. */
-        if (mavlink_get_msg_entry(message.msgid) == NULL) {
-            telemetry->counters.unknown_id++;
-        } else {
-            telemetry->counters.bad_crc++;
-        }
-        from->failed = true;
-        break;
-    case MAVLINK_FRAMING_BAD_SIGNATURE: /* never: no key is configured */
-        from->failed = true;
-        break;
-    default:
-        if (from->status.parse_state <= MAVLINK_PARSE_STATE_IDLE || is_absurd(from)) {
-            try_from(from, 1); /* no start byte, or no header */
-        }
-        break;
-    }
+    take_frame(arrival->telemetry, arrival->stream, message, arrival->now_us);
 }
 
 void telemetry_receive(struct telemetry *telemetry, unsigned stream, const uint8_t *bytes,
                        size_t length, int64_t now_us)
 {
-    struct stream *from = &telemetry->streams[stream % TELEMETRY_STREAMS];
+    struct arrival arrival = {telemetry, stream % TELEMETRY_STREAMS, now_us};
 
-    for (size_t i = 0; i < length; i++) {
-        from->held[from->length++] = bytes[i];
-        while (from->parsed < from->length) {
-            if (from->failed) {
-                pass_over(from);
-            } else {
-                parse_byte(telemetry, stream, from, now_us);
-            }
-        }
-    }
+    framing_stream(&telemetry->framing[arrival.stream], &telemetry->counters.framing, bytes, length,
+                   on_frame, &arrival);
+}
+
+void telemetry_receive_datagram(struct telemetry *telemetry, unsigned stream, const uint8_t *bytes,
+                                size_t length, int64_t now_us)
+{
+    struct arrival arrival = {telemetry, stream % TELEMETRY_STREAMS, now_us};
+
+    framing_datagram(&telemetry->counters.framing, bytes, length, on_frame, &arrival);
 }
 
 void telemetry_reset_stream(struct telemetry *telemetry, unsigned stream)
 {
-    memset(&telemetry->streams[stream % TELEMETRY_STREAMS], 0, sizeof(struct stream));
+    memset(&telemetry->framing[stream % TELEMETRY_STREAMS], 0, sizeof(struct framing));
     if (telemetry->vehicle_stream == (int)stream) {
         telemetry->vehicle_stream = -1;
     }
@@ -374,6 +412,11 @@ int telemetry_vehicle_stream(const struct telemetry *telemetry)
 int64_t telemetry_heartbeat_us(const struct telemetry *telemetry)
 {
     return telemetry->heartbeat_us;
+}
+
+bool telemetry_contradicted(const struct telemetry *telemetry, int64_t now_us)
+{
+    return belief_contradicted(&telemetry->belief, now_us);
 }
 
 const struct telemetry_counters *telemetry_counters(const struct telemetry *telemetry)

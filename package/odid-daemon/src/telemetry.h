@@ -12,6 +12,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "framing.h"
+
 /* Our component id as a Remote ID transmitter; 237 and 238 are for further ones. */
 #define TELEMETRY_COMPONENT_ODID 236
 /* Byte streams parsed side by side: the serial port, or as many UDP senders. */
@@ -23,9 +25,12 @@ enum telemetry_kind {
     TELEMETRY_HEARTBEAT,
     TELEMETRY_SYSTEM_TIME,
     TELEMETRY_GPS_RAW,
+    TELEMETRY_GPS2_RAW, /* a second receiver's: of gps_raw its fix_type only */
     TELEMETRY_GLOBAL_POSITION,
     TELEMETRY_HOME,
     TELEMETRY_LANDED_STATE,
+    TELEMETRY_CLIMB,
+    TELEMETRY_COMMAND_ACK,
     TELEMETRY_BASIC_ID,
     TELEMETRY_LOCATION,
     TELEMETRY_AUTHENTICATION,
@@ -41,6 +46,7 @@ struct telemetry_update {
     union {
         struct {
             uint8_t mav_type, autopilot, base_mode, system_status; /* MAVLink enumerations */
+            bool doubtful;    /* two sources speak as the autopilot */
             bool new_vehicle; /* another system id than before: forget the old aircraft */
         } heartbeat;
         struct {
@@ -48,7 +54,8 @@ struct telemetry_update {
             uint32_t boot_ms;
         } system_time;
         struct {
-            uint8_t fix_type;    /* GPS_FIX_TYPE */
+            uint8_t fix_type;                   /* GPS_FIX_TYPE */
+            double latitude_deg, longitude_deg; /* the receiver's own; NAN when it has none */
             double separation_m; /* ellipsoid height minus height above mean sea level */
             double horizontal_accuracy_m, vertical_accuracy_m, speed_accuracy_mps;
         } gps_raw;
@@ -62,6 +69,11 @@ struct telemetry_update {
             double latitude_deg, longitude_deg, altitude_msl_m;
         } home;
         uint8_t landed_state; /* MAV_LANDED_STATE */
+        double climb_mps;     /* VFR_HUD's: from the barometer, up positive in every version */
+        struct {              /* the autopilot's answer to a command of ours */
+            uint16_t command; /* MAV_CMD */
+            uint8_t result;   /* MAV_RESULT */
+        } command_ack;
         struct {
             uint8_t id_type, ua_type; /* ASTM numbers */
             char uas_id[21];          /* types 3 and 4 are binary: 20 bytes, zeros among them */
@@ -99,13 +111,13 @@ struct telemetry_update {
 };
 
 struct telemetry_counters {
-    uint64_t frames;            /* understood and used */
-    uint64_t bad_crc;           /* damaged on the way */
-    uint64_t unknown_id;        /* not in the MAVLink definitions that we know */
+    uint64_t frames; /* understood and used */
+    struct framing_counters framing;
     uint64_t other_transmitter; /* from components 236-238 */
     uint64_t other_aircraft;    /* id_or_mac set: somebody heard it */
     uint64_t other_system;      /* neither our vehicle nor addressed to us */
     uint64_t not_needed;        /* valid, and of no use here */
+    uint64_t not_believed;      /* as the vehicle's, and contradicting it (belief.h) */
 };
 
 typedef void telemetry_fn(void *context, const struct telemetry_update *update, int64_t now_us);
@@ -117,22 +129,29 @@ struct telemetry *telemetry_init(telemetry_fn *deliver, void *context);
 
 /*
  * Feeds bytes as they came from one stream (0..TELEMETRY_STREAMS-1), in any
- * portions. Calls deliver for each update, in order.
+ * portions (framing_stream). Calls deliver for each update, in order.
  */
 void telemetry_receive(struct telemetry *telemetry, unsigned stream, const uint8_t *bytes,
                        size_t length, int64_t now_us);
 
-/* Before a restart of ours the vehicle was this one (0: unknown): its telemetry counts from now on,
- * before its HEARTBEAT. */
-void telemetry_expect(struct telemetry *telemetry, uint8_t vehicle, int64_t now_us);
+/* The same for one datagram of whole frames (framing_datagram). */
+void telemetry_receive_datagram(struct telemetry *telemetry, unsigned stream, const uint8_t *bytes,
+                                size_t length, int64_t now_us);
+
+/* Before a restart of ours, or at the power-on before, the vehicle was this one (0: unknown), and
+ * armed or not: its telemetry counts from now on, before its HEARTBEAT, and it may return at any
+ * time: whoever is heard first after power-on is not the vehicle by that. */
+void telemetry_expect(struct telemetry *telemetry, uint8_t vehicle, bool armed, int64_t now_us);
 
 /* Forgets a half-received frame: the stream's device or sender is another one now. */
 void telemetry_reset_stream(struct telemetry *telemetry, unsigned stream);
 
 /*
  * The vehicle is the first system whose autopilot (component 1) sent a
- * HEARTBEAT; another one takes its place only after 10 s of silence, and that
- * of an expected one after 3 s.
+ * HEARTBEAT. Another one takes its place only when both say that they are
+ * disarmed, after 10 s of silence, and that of an expected one after 3 s; it is
+ * no ground station's. The first (or expected) one has it back with its next
+ * HEARTBEAT.
  * Returns its system id, 0 while none is known.
  */
 uint8_t telemetry_vehicle(const struct telemetry *telemetry);
@@ -140,6 +159,9 @@ uint8_t telemetry_vehicle(const struct telemetry *telemetry);
 int telemetry_vehicle_stream(const struct telemetry *telemetry);
 /* When the vehicle's last HEARTBEAT came, INT64_MIN before the first. */
 int64_t telemetry_heartbeat_us(const struct telemetry *telemetry);
+
+/* Do two sources speak as the vehicle's autopilot, and contradict each other (belief.h)? */
+bool telemetry_contradicted(const struct telemetry *telemetry, int64_t now_us);
 
 const struct telemetry_counters *telemetry_counters(const struct telemetry *telemetry);
 

@@ -87,6 +87,12 @@ static void place(double latitude_deg, double longitude_deg, double *latitude, d
     *longitude = known ? longitude_deg : NAN;
 }
 
+/* A number that no document knows says nothing about what the text is. */
+static bool is_id_type(unsigned id_type)
+{
+    return id_type > ODID_IDTYPE_NONE && id_type <= ODID_IDTYPE_SPECIFIC_SESSION_ID;
+}
+
 static bool read_basic_id(const mavlink_message_t *message, struct telemetry_update *update)
 {
     mavlink_open_drone_id_basic_id_t id;
@@ -97,7 +103,7 @@ static bool read_basic_id(const mavlink_message_t *message, struct telemetry_upd
     update->basic_id.ua_type = id.ua_type;
     copy_text(update->basic_id.uas_id, id.uas_id, sizeof(id.uas_id));
     /* Binary in the newer types: a zero at its beginning is no end. */
-    return id.id_type != MAV_ODID_ID_TYPE_NONE && !all_zero(id.uas_id, sizeof(id.uas_id));
+    return is_id_type(id.id_type) && !all_zero(id.uas_id, sizeof(id.uas_id));
 }
 
 static bool read_location(const mavlink_message_t *message, struct telemetry_update *update)
@@ -301,7 +307,7 @@ static void read_pack(const mavlink_message_t *message, telemetry_fn *deliver, v
         return;
     }
     for (int i = 0; i < ODID_BASIC_ID_MAX_MESSAGES; i++) {
-        if (uas.BasicIDValid[i] && uas.BasicID[i].IDType != ODID_IDTYPE_NONE &&
+        if (uas.BasicIDValid[i] && is_id_type(uas.BasicID[i].IDType) &&
             !all_zero(uas.BasicID[i].UASID, ODID_ID_SIZE)) {
             pack_basic_id(&uas.BasicID[i], &update);
             deliver(context, &update, now_us);

@@ -4,6 +4,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "kept.h"
+
 /* A board that stood still was not well meanwhile. */
 #define PASSED_MAX_US 2000000
 
@@ -31,7 +33,9 @@ static void enter(struct update *update, enum update_state state, int64_t now_us
     update->ticked_us = now_us;
     update->percent = -1;
     update->seconds_left = -1;
-    update->stopped = false;
+    update->stopped = NULL;
+    update->slow = false;
+    update->moved_us = now_us;
     va_start(arguments, format);
     vsnprintf(update->sentence, sizeof(update->sentence), format, arguments);
     va_end(arguments);
@@ -40,7 +44,6 @@ static void enter(struct update *update, enum update_state state, int64_t now_us
 static void idle(struct update *update, int64_t now_us)
 {
     update->version[0] = '\0';
-    update->armed = false; /* nobody listens until the next one */
     enter(update, UPDATE_IDLE, now_us, "No update is going on.");
 }
 
@@ -50,13 +53,16 @@ void update_init(struct update *update, int64_t now_us)
     idle(update, now_us);
 }
 
-bool update_armed(struct update *update, const bool *heard, bool before)
+bool update_armed(const struct update *update, const struct kept *kept, bool answered,
+                  bool given_up)
 {
-    if (heard != NULL) {
-        update->armed = *heard;
-        return *heard;
+    if (kept != NULL && kept->armed == KEPT_ARMED) {
+        return true;
     }
-    return update->armed || before;
+    if (update->state == UPDATE_TRIAL || given_up) {
+        return false;
+    }
+    return kept == NULL || (update->state == UPDATE_WAITING && !answered);
 }
 
 /* ---- install ---- */
@@ -83,11 +89,44 @@ void update_progress(struct update *update, int percent, int64_t now_us)
     if (percent < update->percent) {
         return; /* SWUpdate begins again at 0 with U-Boot's variables */
     }
+    if (percent > update->percent) {
+        update->moved_us = now_us;
+    }
     update->percent = percent;
     passed_us = now_us - update->writing_us;
     if (percent > 0 && passed_us >= 1000000) {
         update->seconds_left = (int)(passed_us * (100 - percent) / percent / 1000000);
     }
+}
+
+static void stop(struct update *update, const char *why)
+{
+    if (update->stopped == NULL) {
+        update->stopped = why;
+    }
+}
+
+bool update_cancel(struct update *update)
+{
+    if (update->state != UPDATE_CHECKING && update->state != UPDATE_INSTALLING) {
+        return false;
+    }
+    stop(update, "It was called off; nothing has changed.");
+    return true;
+}
+
+/* An update that never ends would keep the aircraft on the ground. */
+static void stop_a_slow_one(struct update *update, int64_t now_us)
+{
+    const char *before = update->stopped;
+
+    if (now_us - update->moved_us >= UPDATE_STANDSTILL_US) {
+        stop(update, "Nothing more of it came for 30 s; nothing has changed.");
+    } else if (update->state == UPDATE_INSTALLING &&
+               now_us - update->writing_us >= UPDATE_WRITING_US) {
+        stop(update, "It wasn't here within 10 minutes; nothing has changed.");
+    }
+    update->slow = update->slow || update->stopped != before;
 }
 
 void update_installed(struct update *update, int64_t now_us)
@@ -180,8 +219,14 @@ enum update_wish update_tick(struct update *update, const struct update_board *b
     }
     switch (update->state) {
     case UPDATE_INSTALLING:
-        update->stopped = update->stopped || board->armed;
-        return update->stopped ? UPDATE_STOP : UPDATE_NOTHING;
+        if (board->armed) {
+            stop(update, "The aircraft was armed while it was written; install it again when "
+                         "disarmed.");
+        }
+        /* fallthrough */
+    case UPDATE_CHECKING:
+        stop_a_slow_one(update, now_us);
+        return update->stopped != NULL ? UPDATE_STOP : UPDATE_NOTHING;
     case UPDATE_WAITING:
         return wait(update, board, passed_us);
     case UPDATE_TRIAL:

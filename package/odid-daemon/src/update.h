@@ -13,6 +13,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+struct kept;
+
 #define UPDATE_SENTENCE_SIZE 240
 #define UPDATE_VERSION_SIZE 64
 
@@ -20,6 +22,9 @@
 #define UPDATE_WELL_US 20000000
 /* The trial lasts no longer than this; time while armed doesn't count. */
 #define UPDATE_TRIAL_US 60000000
+/* Whoever sends a bundle must get on: by a percent in this time, and to the end in this. */
+#define UPDATE_STANDSTILL_US 30000000
+#define UPDATE_WRITING_US 600000000
 /* Disarmed for so long before the board is restarted. */
 #define UPDATE_REBOOT_US 5000000
 
@@ -37,7 +42,7 @@ const char *update_state_name(enum update_state state);
 /* What is to be done; of several things the next call says the next one. */
 enum update_wish {
     UPDATE_NOTHING,
-    UPDATE_STOP,      /* the aircraft was armed: end the installer; until it has ended */
+    UPDATE_STOP,      /* u->stopped says why: end the installer; until it has ended */
     UPDATE_COMMIT,    /* keep the slot: update_committed, when that is done */
     UPDATE_ROLL_BACK, /* give it up, u->sentence says why: update_rolled_back, when that is done */
     UPDATE_REBOOT,
@@ -57,27 +62,32 @@ struct update {
     char sentence[UPDATE_SENTENCE_SIZE];  /* what is going on, for people */
     int64_t since_us;                     /* the state's beginning */
     int64_t writing_us;                   /* when the first percent was written */
+    int64_t moved_us;                     /* when it got on for the last time */
     int64_t ticked_us;                    /* the last tick */
     int64_t well_us, tried_us;            /* how long all is well; how long the trial has lasted */
     char complaint[UPDATE_SENTENCE_SIZE]; /* why it wasn't well, when it wasn't for the last time */
     int64_t disarmed_us;                  /* how long it was disarmed, while waiting */
-    bool stopped;                         /* the installer was told to end */
-    bool armed;                           /* as was heard last since the update began */
+    const char *stopped; /* why the installer was told to end, a sentence; NULL: it wasn't */
+    bool slow;           /* it was because nothing moved */
 };
 
 void update_init(struct update *update, int64_t now_us);
 
 /*
- * Does the aircraft count as armed? heard: what its autopilot says, or NULL: nothing. Then it is
- * armed when it was lost while it was armed: during this update, or before (as others noted).
+ * Does the aircraft count as armed? kept: what the daemon keeps (kept.h), NULL when it hasn't run
+ * since power-on; answered: it does now. Who never answers is never disarmed, and the board isn't
+ * restarted on an old word: but for a trial, given_up or not, whose daemon may be what fails.
  */
-bool update_armed(struct update *update, const bool *heard, bool before);
+bool update_armed(const struct update *update, const struct kept *kept, bool answered,
+                  bool given_up);
 
 /* ---- what SWUpdate does ---- */
 
 void update_begins(struct update *update, int64_t now_us);
 void update_version(struct update *update, const char *version);
 void update_progress(struct update *update, int percent, int64_t now_us);
+/* Somebody called it off; false: there is nothing that could still be. */
+bool update_cancel(struct update *update);
 
 /* It is written and marked: the next start is a trial. */
 void update_installed(struct update *update, int64_t now_us);

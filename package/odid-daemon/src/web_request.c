@@ -23,9 +23,10 @@ static const struct {
     const char *method, *path;
     enum web_route route;
 } calls[] = {
-    {"POST", "/api/session", WEB_LOGIN}, {"DELETE", "/api/session", WEB_LOGOUT},
-    {"GET", "/api/status", WEB_STATUS},  {"POST", "/api/settings", WEB_SET},
-    {"POST", "/api/update", WEB_UPLOAD}, {"GET", "/api/flights", WEB_FLIGHTS},
+    {"POST", "/api/session", WEB_LOGIN},  {"DELETE", "/api/session", WEB_LOGOUT},
+    {"GET", "/api/status", WEB_STATUS},   {"POST", "/api/settings", WEB_SET},
+    {"POST", "/api/update", WEB_UPLOAD},  {"DELETE", "/api/update", WEB_CANCEL},
+    {"GET", "/api/flights", WEB_FLIGHTS},
 };
 
 #define FLIGHT_PATH "/api/flights/"
@@ -89,7 +90,8 @@ static bool host_is_near(const char *host)
 
 static bool changes_something(enum web_route route)
 {
-    return route == WEB_LOGIN || route == WEB_LOGOUT || route == WEB_SET || route == WEB_UPLOAD;
+    return route == WEB_LOGIN || route == WEB_LOGOUT || route == WEB_SET || route == WEB_UPLOAD ||
+           route == WEB_CANCEL;
 }
 
 const char *web_refusal(const struct web_head *head, enum web_route route)

@@ -22,6 +22,7 @@ enum web_route {
     WEB_STATUS,  /* GET /api/status */
     WEB_SET,     /* POST /api/settings */
     WEB_UPLOAD,  /* POST /api/update */
+    WEB_CANCEL,  /* DELETE /api/update */
     WEB_FLIGHTS, /* GET /api/flights */
     WEB_FLIGHT,  /* GET /api/flights/00042.jsonl */
     WEB_WRONG_METHOD,

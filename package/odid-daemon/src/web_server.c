@@ -5,7 +5,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/random.h>
 #include <sys/select.h>
 
 #include "log.h"
@@ -13,11 +12,12 @@
 #include "utf8.h"
 #include "web_answer.h"
 #include "web_helper.h"
+#include "web_places.h"
 #include "web_request.h"
 #include "web_upload.h"
 
 #define SENTENCE_SIZE 512
-#define CONNECTIONS_MAX 24
+#define CONNECTIONS_MAX (WEB_PLACES_MAX - 8)
 #define CONNECTIONS_FROM_ONE_MAX 12
 #define IDLE_S 30 /* also of a browser that is gone in the middle of an upload */
 
@@ -25,6 +25,7 @@
 struct request {
     struct web_target target;
     struct MHD_Connection *connection;
+    char token[WEB_TOKEN_SIZE];   /* of its session; "": none is needed */
     unsigned code;                /* of a refusal; 0: none yet */
     char sentence[SENTENCE_SIZE]; /* of that */
     char body[WEB_BODY_MAX + 1];
@@ -36,25 +37,11 @@ struct request {
 static struct {
     const struct web_server *server;
     struct MHD_Daemon *http;
-    struct web_sessions sessions;
     struct request *uploading; /* the one that has an updater; NULL: none */
     bool waiting;              /* for room in the updater */
 } self;
 
-/* ---- password and sessions ---- */
-
-static enum MHD_Result begin_session(struct request *request)
-{
-    uint8_t random[WEB_TOKEN_BYTES];
-    char token[WEB_TOKEN_SIZE];
-
-    if (getrandom(random, sizeof(random), 0) != (ssize_t)sizeof(random)) {
-        return MHD_NO;
-    }
-    web_sessions_begin(&self.sessions, random, loop_now_us(), token);
-    log_info("somebody has given the maintenance password");
-    return web_give_cookie(request->connection, token, "");
-}
+/* ---- password and sessions, which root's half keeps ---- */
 
 static enum MHD_Result give_patience(struct request *request, unsigned wait_s)
 {
@@ -68,19 +55,19 @@ static enum MHD_Result give_patience(struct request *request, unsigned wait_s)
 static enum MHD_Result login(struct request *request)
 {
     char password[CONFIG_PASSWORD_MAX + 1];
-    enum web_password verdict = WEB_PASSWORD_WRONG;
-    unsigned wait_s;
+    struct web_login login;
 
-    if (!web_sessions_try(&self.sessions, loop_now_us(), &wait_s)) {
-        return give_patience(request, wait_s);
+    /* What can't be read is no password, and counts as a wrong one. */
+    if (!web_read_password(request->body, request->length, password)) {
+        password[0] = '\0';
     }
-    if (web_read_password(request->body, request->length, password)) {
-        verdict = web_helper_password(self.server->helper, password);
-    }
+    web_helper_login(self.server->helper, password, &login);
     explicit_bzero(password, sizeof(password));
-    switch (verdict) {
+    switch (login.verdict) {
     case WEB_PASSWORD_RIGHT:
-        return begin_session(request);
+        return web_give_cookie(request->connection, login.token, "");
+    case WEB_PASSWORD_WAIT:
+        return give_patience(request, login.wait_s);
     case WEB_PASSWORD_NONE:
         return web_give_sentence(
             request->connection, MHD_HTTP_FORBIDDEN,
@@ -90,21 +77,33 @@ static enum MHD_Result login(struct request *request)
         return web_give_sentence(request->connection, MHD_HTTP_SERVICE_UNAVAILABLE,
                                  "The page's service is ending. Try again in a moment.");
     default:
-        log_warning("a wrong maintenance password was given");
         return web_give_sentence(request->connection, MHD_HTTP_FORBIDDEN,
                                  "That is not the maintenance password.");
     }
+}
+
+static bool token_of(struct MHD_Connection *connection, char token[WEB_TOKEN_SIZE])
+{
+    return web_cookie(MHD_lookup_connection_value(connection, MHD_HEADER_KIND, "Cookie"), token);
 }
 
 static enum MHD_Result logout(struct request *request)
 {
     char token[WEB_TOKEN_SIZE];
 
-    if (web_cookie(MHD_lookup_connection_value(request->connection, MHD_HEADER_KIND, "Cookie"),
-                   token)) {
-        web_sessions_end(&self.sessions, token);
+    if (token_of(request->connection, token)) {
+        web_helper_leave(self.server->helper, token);
     }
     return web_give_cookie(request->connection, "", "; Max-Age=0");
+}
+
+static enum MHD_Result cancel(struct request *request)
+{
+    char token[WEB_TOKEN_SIZE], sentence[SENTENCE_SIZE];
+    bool done = token_of(request->connection, token) &&
+                web_helper_cancel(self.server->helper, token, sentence, sizeof(sentence));
+
+    return web_give_sentence(request->connection, done ? MHD_HTTP_OK : MHD_HTTP_CONFLICT, sentence);
 }
 
 /* ---- settings ---- */
@@ -124,12 +123,12 @@ static struct json_object *lines_of(char *said)
     return array;
 }
 
-static void set_one(struct json_object *answer, const char *name, enum web_setting setting,
-                    const char *value)
+static void set_one(const struct request *request, struct json_object *answer, const char *name,
+                    enum web_setting setting, const char *value)
 {
     static char said[WEB_SAID_SIZE];
     struct json_object *result = json_object_new_object();
-    bool done = web_helper_set(self.server->helper, setting, value, said);
+    bool done = web_helper_set(self.server->helper, request->token, setting, value, said);
 
     json_object_object_add(result, "done", json_object_new_boolean(done));
     json_object_object_add(result, "said", lines_of(said));
@@ -150,10 +149,10 @@ static enum MHD_Result set(struct request *request)
     }
     answer = json_object_new_object();
     if (settings.serial_given) {
-        set_one(answer, "serial", WEB_SERIAL, settings.serial);
+        set_one(request, answer, "serial", WEB_SERIAL, settings.serial);
     }
     if (settings.operator_given) {
-        set_one(answer, "operator", WEB_OPERATOR, settings.operator_number);
+        set_one(request, answer, "operator", WEB_OPERATOR, settings.operator_number);
     }
     explicit_bzero(&settings, sizeof(settings));
     return web_give_json(request->connection, MHD_HTTP_OK, answer);
@@ -203,13 +202,12 @@ static void begin_upload(struct request *request)
 {
     char sentence[SENTENCE_SIZE];
 
-    web_update_obstacle(self.server->places, sentence, sizeof(sentence));
-    if (sentence[0] == '\0' && self.uploading != NULL) {
-        snprintf(sentence, sizeof(sentence), "Another file is being sent already.");
+    if (self.uploading != NULL) {
+        refuse(request, MHD_HTTP_CONFLICT, "Another file is being sent already.");
+        return;
     }
-    if (sentence[0] == '\0') {
-        request->updater = web_upload_open(self.server->updater, sentence, sizeof(sentence));
-    }
+    request->updater =
+        web_helper_update(self.server->helper, request->token, sentence, sizeof(sentence));
     if (request->updater < 0) {
         refuse(request, MHD_HTTP_CONFLICT, sentence);
         return;
@@ -276,12 +274,21 @@ static enum MHD_Result end_upload(struct request *request)
 
 /* ---- requests ---- */
 
-static bool is_known(struct MHD_Connection *connection)
+static int fd_of(struct MHD_Connection *connection)
 {
-    char token[WEB_TOKEN_SIZE];
+    return MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd;
+}
 
-    return web_cookie(MHD_lookup_connection_value(connection, MHD_HEADER_KIND, "Cookie"), token) &&
-           web_sessions_known(&self.sessions, token, loop_now_us());
+/* Keeps its token for what root's half is asked. */
+static bool is_known(struct request *request)
+{
+    bool known = token_of(request->connection, request->token) &&
+                 web_helper_known(self.server->helper, request->token);
+
+    if (known) {
+        web_places_know(fd_of(request->connection));
+    }
+    return known;
 }
 
 /* Judges a request by its head, before its body was read. */
@@ -289,6 +296,7 @@ static void judge(struct request *request)
 {
     struct MHD_Connection *connection = request->connection;
     enum web_route route = request->target.route;
+    bool known = is_known(request);
     const struct web_head head = {
         .host = MHD_lookup_connection_value(connection, MHD_HEADER_KIND, "Host"),
         .origin = MHD_lookup_connection_value(connection, MHD_HEADER_KIND, "Origin"),
@@ -302,8 +310,7 @@ static void judge(struct request *request)
         refuse(request, MHD_HTTP_NOT_FOUND, "There is nothing of that name here.");
     } else if (route == WEB_WRONG_METHOD) {
         refuse(request, MHD_HTTP_METHOD_NOT_ALLOWED, "That can't be done with this.");
-    } else if (route != WEB_FILE && route != WEB_LOGIN && route != WEB_LOGOUT &&
-               !is_known(connection)) {
+    } else if (route != WEB_FILE && route != WEB_LOGIN && route != WEB_LOGOUT && !known) {
         refuse(request, MHD_HTTP_UNAUTHORIZED, "Give the maintenance password first.");
     } else if (route == WEB_UPLOAD) {
         begin_upload(request);
@@ -364,6 +371,8 @@ static enum MHD_Result answer(struct request *request)
         return set(request);
     case WEB_UPLOAD:
         return end_upload(request);
+    case WEB_CANCEL:
+        return cancel(request);
     case WEB_FLIGHTS:
         return flights(request);
     case WEB_FLIGHT:
@@ -399,7 +408,7 @@ static void on_over(void *closure, struct MHD_Connection *connection, void **con
     struct request *request = *context;
 
     (void)closure;
-    (void)connection;
+    web_places_answered(fd_of(connection), loop_now_us());
     if (request == NULL) {
         return;
     }
@@ -411,6 +420,18 @@ static void on_over(void *closure, struct MHD_Connection *connection, void **con
     explicit_bzero(request->body, sizeof(request->body));
     free(request);
     *context = NULL;
+}
+
+static void on_connection(void *closure, struct MHD_Connection *connection, void **context,
+                          enum MHD_ConnectionNotificationCode what)
+{
+    (void)closure;
+    (void)context;
+    if (what == MHD_CONNECTION_NOTIFY_STARTED) {
+        web_places_come(fd_of(connection), loop_now_us());
+    } else {
+        web_places_go(fd_of(connection));
+    }
 }
 
 /* ---- the loop ---- */
@@ -433,6 +454,7 @@ __attribute__((format(printf, 2, 0))) static void on_log(void *closure, const ch
  */
 static int round_once(void)
 {
+    int64_t now_us = loop_now_us(), next_us = web_places_expire(now_us);
     MHD_UNSIGNED_LONG_LONG wait_ms = 0;
     fd_set readable, writable, broken;
     struct timeval wait = {0};
@@ -450,6 +472,11 @@ static int round_once(void)
         highest = self.uploading->updater > highest ? self.uploading->updater : highest;
     }
     limited = MHD_get_timeout(self.http, &wait_ms) == MHD_YES;
+    if (next_us != INT64_MAX &&
+        (!limited || (MHD_UNSIGNED_LONG_LONG)(next_us - now_us) / 1000 < wait_ms)) {
+        limited = true;
+        wait_ms = (MHD_UNSIGNED_LONG_LONG)(next_us - now_us) / 1000 + 1;
+    }
     wait.tv_sec = (time_t)(wait_ms / 1000);
     wait.tv_usec = (suseconds_t)(wait_ms % 1000 * 1000);
     if (select(highest + 1, &readable, &writable, &broken, limited ? &wait : NULL) < 0) {
@@ -468,13 +495,13 @@ int web_server_run(const struct web_server *server)
     int result = 0;
 
     self.server = server;
-    self.http =
-        MHD_start_daemon(MHD_ALLOW_SUSPEND_RESUME | MHD_USE_ERROR_LOG, 0, NULL, NULL, on_request,
-                         NULL, MHD_OPTION_EXTERNAL_LOGGER, on_log, NULL, MHD_OPTION_LISTEN_SOCKET,
-                         server->listener, MHD_OPTION_NOTIFY_COMPLETED, on_over, NULL,
-                         MHD_OPTION_CONNECTION_LIMIT, (unsigned)CONNECTIONS_MAX,
-                         MHD_OPTION_PER_IP_CONNECTION_LIMIT, (unsigned)CONNECTIONS_FROM_ONE_MAX,
-                         MHD_OPTION_CONNECTION_TIMEOUT, (unsigned)IDLE_S, MHD_OPTION_END);
+    self.http = MHD_start_daemon(
+        MHD_ALLOW_SUSPEND_RESUME | MHD_USE_ERROR_LOG, 0, NULL, NULL, on_request, NULL,
+        MHD_OPTION_EXTERNAL_LOGGER, on_log, NULL, MHD_OPTION_NOTIFY_CONNECTION, on_connection, NULL,
+        MHD_OPTION_LISTEN_SOCKET, server->listener, MHD_OPTION_NOTIFY_COMPLETED, on_over, NULL,
+        MHD_OPTION_CONNECTION_LIMIT, (unsigned)CONNECTIONS_MAX, MHD_OPTION_PER_IP_CONNECTION_LIMIT,
+        (unsigned)CONNECTIONS_FROM_ONE_MAX, MHD_OPTION_CONNECTION_TIMEOUT, (unsigned)IDLE_S,
+        MHD_OPTION_END);
     if (self.http == NULL) {
         return -EIO;
     }

@@ -9,10 +9,9 @@
 #include "web_status.h"
 
 struct web_server {
-    int listener;        /* a listening, non-blocking TCP socket */
-    int helper;          /* the socket to web_helper_serve */
-    const char *files;   /* the page's folder */
-    const char *updater; /* the folder of SWUpdate's sockets */
+    int listener;      /* a listening, non-blocking TCP socket */
+    int helper;        /* the socket to web_helper_serve */
+    const char *files; /* the page's folder */
     const struct odidctl_places *places;
     struct web_sources sources;
 };

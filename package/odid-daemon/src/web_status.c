@@ -137,10 +137,11 @@ void web_update_obstacle(const struct odidctl_places *places, char *sentence, si
     struct json_object *update = object_of(places->state, "update.json");
     const char *state = json_object_get_string(json_object_object_get(update, "state"));
     const char *told = json_object_get_string(json_object_object_get(update, "sentence"));
+    const char *why = odidctl_not_disarmed(places);
 
     sentence[0] = '\0';
-    if (odidctl_armed(places)) {
-        snprintf(sentence, size, "The aircraft is armed: no update until it is disarmed.");
+    if (why != NULL) {
+        snprintf(sentence, size, "%s: no update until it is disarmed.", why);
     } else if (state != NULL && strcmp(state, "idle") != 0) {
         utf8_clean(sentence, size,
                    told != NULL && told[0] != '\0' ? told : "Another update is under way.");

@@ -128,6 +128,16 @@ static int sync_directory(const char *directory)
     return result;
 }
 
+void whole_file_line(const char *path, char *out, size_t size)
+{
+    size_t length;
+    char *text = whole_file_read(path, 4096, &length);
+
+    snprintf(out, size, "%s", text == NULL ? "" : text);
+    out[strcspn(out, "\r\n")] = '\0';
+    free(text);
+}
+
 int whole_file_replace(const char *path, const char *text, size_t length, mode_t mode)
 {
     char directory[PATH_SIZE], new_path[PATH_SIZE];

@@ -11,6 +11,9 @@
  */
 char *whole_file_read(const char *path, size_t max, size_t *length);
 
+/* The first line of a file of at most 4 KiB, cut to size; "" when there is none. */
+void whole_file_line(const char *path, char *out, size_t size);
+
 /*
  * Replaces a file, or makes it. At any instant, power cuts included, there is
  * the old one or the new one; .NAME.new beside it may be left over and is used

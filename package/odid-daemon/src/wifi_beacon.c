@@ -30,7 +30,8 @@ static struct {
     struct retry retry;
     enum request request;
     bool enabled;       /* hostapd's interface transmits, as far as it knows */
-    bool pending;       /* a newer element than hostapd has */
+    bool pending;       /* to be given to hostapd: it is newer, or may have been forgotten */
+    bool fresh;         /* was in no beacon yet */
     int64_t status_us;  /* when to ask for the status next */
     int64_t refresh_us; /* when to give the element again, although it is the same */
     int64_t allowed_us; /* no element before this */
@@ -175,6 +176,7 @@ static void take_success(int64_t now_us)
     char detail[RADIO_DETAIL_SIZE];
 
     retry_reset(&self.retry);
+    self.fresh = self.pending; /* by another one, meanwhile */
     snprintf(detail, sizeof(detail), "%s, in every beacon", self.config->wifi_iface);
     radio_enter(self.radio, CHANNEL_WIFI, RADIO_ON_AIR, detail, now_us);
     radio_accepted(self.radio, CHANNEL_WIFI, now_us);
@@ -248,16 +250,19 @@ void wifi_beacon_set(const uint8_t *element, size_t length, int64_t now_us)
         return;
     }
     if (length != self.length || memcmp(element, self.element, length) != 0) {
+        if (wifi_beacon_waits()) {
+            radio_replaced(self.radio);
+        }
         memcpy(self.element, element, length);
         self.length = length;
-        self.pending = true;
+        self.pending = self.fresh = true;
     }
     advance(now_us);
 }
 
 bool wifi_beacon_waits(void)
 {
-    return self.pending;
+    return self.pending && self.fresh;
 }
 
 void wifi_beacon_stop(void)

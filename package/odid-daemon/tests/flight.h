@@ -33,6 +33,7 @@ static struct {
     int64_t utc_us;     /* Unix time at our time 0 */
     bool armed, heartbeat, position, time, gps, native;
     uint8_t system_status, mav_type, autopilot, fix_type;
+    double gps_latitude_deg, gps_longitude_deg; /* its receiver's own */
     double latitude_deg, longitude_deg, altitude_m, relative_m, north_mps, east_mps, up_mps;
     double separation_m, horizontal_m, vertical_m, speed_mps;
     double native_ahead_s; /* native timestamps minus UTC */
@@ -64,8 +65,8 @@ static inline void begin(void)
     sim.mav_type = MAV_TYPE_QUADROTOR;
     sim.autopilot = MAV_AUTOPILOT_ARDUPILOTMEGA;
     sim.fix_type = 3;
-    sim.latitude_deg = 57.7089;
-    sim.longitude_deg = 11.9746;
+    sim.latitude_deg = sim.gps_latitude_deg = 57.7089;
+    sim.longitude_deg = sim.gps_longitude_deg = 11.9746;
     sim.altitude_m = 84;
     sim.separation_m = 36.4;
     sim.horizontal_m = 1.2;
@@ -153,6 +154,8 @@ static inline void gps(void)
     struct telemetry_update update = update_of(TELEMETRY_GPS_RAW);
 
     update.gps_raw.fix_type = sim.fix_type;
+    update.gps_raw.latitude_deg = sim.gps_latitude_deg;
+    update.gps_raw.longitude_deg = sim.gps_longitude_deg;
     update.gps_raw.separation_m = sim.separation_m;
     update.gps_raw.horizontal_accuracy_m = sim.horizontal_m;
     update.gps_raw.vertical_accuracy_m = sim.vertical_m;
@@ -248,11 +251,11 @@ static inline void fly(double seconds)
             if (sim.heartbeat) {
                 heartbeat();
             }
-            if (sim.time) {
-                system_time();
-            }
             if (sim.gps) {
                 gps();
+            }
+            if (sim.time) {
+                system_time();
             }
         }
         if (now_us % (200 * MS) == 0) {

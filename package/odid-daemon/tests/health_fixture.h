@@ -50,6 +50,7 @@ static inline void fixture_position(void)
     location->latitude_deg = 57.7089;
     location->longitude_deg = 11.9746;
     location->altitude_geodetic_m = 48.5;
+    location->horizontal_accuracy = 11;
     location->altitude_barometric_m = NAN;
     location->height_m = 0;
     location->direction_deg = NAN;
@@ -59,7 +60,7 @@ static inline void fixture_position(void)
     system->operator_source = SOURCE_TELEMETRY;
     system->operator_latitude_deg = 57.7;
     system->operator_longitude_deg = 11.9;
-    system->operator_altitude_m = NAN;
+    system->operator_altitude_m = 44;
 }
 
 static inline void fixture_reset(void)
@@ -70,7 +71,7 @@ static inline void fixture_reset(void)
     fixture_position();
     fixture.condition.heartbeat_fresh = fixture.condition.time_known = true;
     fixture.condition.unix_us = INT64_C(1767323045000000); /* 2026-01-02 03:04:05 UTC */
-    fixture.condition.takeoff_known = true;
+    fixture.condition.takeoff_known = fixture.condition.fix_known = true;
     fixture.condition.mav_type = 1;
     fixture.condition.autopilot = 3;
     fixture.condition.position_rate_hz = 4;

@@ -2,14 +2,13 @@
 #ifndef ODID_STATUS_FIXTURE_H
 #define ODID_STATUS_FIXTURE_H
 
+#include "asking.h"
 #include "health_fixture.h"
 #include "loop.h"
 #include "status_json.h"
 
-/* After so many the loop ends. */
-#define QUESTIONS 3
-
 static struct telemetry_counters counters;
+static struct asking asking;
 static struct status_lateness lateness;
 static char sentences[2][CONFIG_PROBLEM_SIZE];
 
@@ -17,7 +16,9 @@ static inline int reset(void **state)
 {
     (void)state;
     fixture_reset();
-    counters = (struct telemetry_counters){.frames = 12345, .bad_crc = 3, .other_system = 2};
+    counters =
+        (struct telemetry_counters){.frames = 12345, .framing.bad_crc = 3, .other_system = 2};
+    asking_begin(&asking, 0);
     memset(&lateness, 0, sizeof(lateness));
     memset(sentences, 0, sizeof(sentences));
     return 0;
@@ -28,12 +29,10 @@ static inline void gather(void *context, struct status_snapshot *snapshot, int64
     unsigned *calls = context;
 
     *calls += 1;
-    if (*calls == QUESTIONS) {
-        loop_stop();
-    }
     snapshot->input = fixture.input;
     health_judge(&snapshot->health, &fixture.input, now_us);
     snapshot->counters = &counters;
+    snapshot->asking = &asking;
     snapshot->lateness = &lateness;
     snapshot->start_us = NOW - 90000000;
     snapshot->vehicle = 1;

@@ -54,15 +54,26 @@ static inline const struct telemetry_update *latest(void)
     return &updates[update_count - 1];
 }
 
-static inline struct frame autopilot_heartbeat(uint8_t system)
+static inline struct frame heartbeat_with_mode(uint8_t system, uint8_t base_mode)
 {
     const mavlink_heartbeat_t heartbeat = {.type = MAV_TYPE_QUADROTOR,
                                            .autopilot = MAV_AUTOPILOT_ARDUPILOTMEGA,
-                                           .base_mode = MAV_MODE_FLAG_SAFETY_ARMED,
+                                           .base_mode = base_mode,
                                            .system_status = MAV_STATE_ACTIVE,
                                            .mavlink_version = 3};
 
     return frame_heartbeat(system, AUTOPILOT, &heartbeat);
+}
+
+/* It is armed. */
+static inline struct frame autopilot_heartbeat(uint8_t system)
+{
+    return heartbeat_with_mode(system, MAV_MODE_FLAG_SAFETY_ARMED);
+}
+
+static inline struct frame disarmed_heartbeat(uint8_t system)
+{
+    return heartbeat_with_mode(system, 0);
 }
 
 static inline struct frame ground_station_heartbeat(uint8_t system)

@@ -218,7 +218,7 @@ static void a_configured_ua_type_stays(void **state)
 static void the_secret_part_of_a_native_operator_number_is_taken_off(void **state)
 {
     static const char *const given[] = {"FIN87astrdge12k8-xyz", "FIN87astrdge12k8xyz",
-                                        "FIN87astrdge12k8 xyz", "fin87ASTRDGE12K8xyz"};
+                                        "FIN87astrdge12k8 xyz", "fin87ASTRDGE12K8-xyz"};
 
     (void)state;
     for (size_t i = 0; i < sizeof(given) / sizeof(given[0]); i++) {
@@ -226,6 +226,20 @@ static void the_secret_part_of_a_native_operator_number_is_taken_off(void **stat
         look();
         assert_int_equal(strlen(view.operator_id), 16);
         assert_memory_equal(view.operator_id, given[i], 16);
+    }
+}
+
+/* Another authority's, of 17 to 20 characters, of which the first 16 look like an EU one. */
+static void a_native_operator_number_is_not_cut_for_its_look(void **state)
+{
+    static const char *const given[] = {"USA12345678901234567", "FIN87ASTRDGE12K8XYZW",
+                                        "JPN0123456789ABCDEF", "CHN123456789012345"};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof(given) / sizeof(given[0]); i++) {
+        native_operator(given[i]);
+        look();
+        assert_string_equal(view.operator_id, given[i]);
     }
 }
 
@@ -402,6 +416,7 @@ int main(void)
         cmocka_unit_test_setup(a_configured_ua_type_stays, begin_setup),
         cmocka_unit_test_setup(the_secret_part_of_a_native_operator_number_is_taken_off,
                                begin_setup),
+        cmocka_unit_test_setup(a_native_operator_number_is_not_cut_for_its_look, begin_setup),
         cmocka_unit_test_setup(nor_does_it_go_out_in_other_native_texts, begin_setup),
         cmocka_unit_test_setup(a_configured_operator_wins_and_a_difference_is_reported,
                                begin_setup),

@@ -76,7 +76,7 @@ static void a_native_operator_location_wins_while_fresh(void **state)
     assert_near(view.system.operator_altitude_m, 70);
     assert_int_equal(view.system.operator_source, SOURCE_NATIVE);
     assert_int_equal(view.system.operator_location_type, LIVE);
-    fly(2.8);
+    fly(9.8);
     silence_us(199 * MS);
     assert_true(operator_is(50));
     silence_us(1 * MS);
@@ -117,7 +117,7 @@ static void an_update_alone_is_a_moving_operator(void **state)
     assert_int_equal(view.system.operator_source, SOURCE_NATIVE);
     assert_int_equal(view.system.category_eu, config.category);
     assert_int_equal(view.system.area_count, 1);
-    assert_unknown(view.system.operator_altitude_m); /* metres or ArduPilot's centimetres? */
+    assert_near(view.system.operator_altitude_m, 70);
 }
 
 static void an_operator_message_with_a_frozen_timestamp_goes_stale(void **state)
@@ -127,7 +127,7 @@ static void an_operator_message_with_a_frozen_timestamp_goes_stale(void **state)
     (void)state;
     fly(5);
     update = system_message(TELEMETRY_SYSTEM);
-    for (unsigned i = 0; i < 3; i++) {
+    for (unsigned i = 0; i < 10; i++) {
         give(&update);
         look();
         assert_true(operator_is(50));
@@ -153,8 +153,24 @@ static void an_operator_message_without_a_timestamp_counts_while_it_comes(void *
         assert_true(operator_is(50));
         fly(1);
     }
-    fly(3);
+    fly(9);
     assert_unknown(view.system.operator_latitude_deg);
+}
+
+/* A ground station that tells it every 3.5 s: live GNSS all the time, not now and then take-off. */
+static void who_tells_seldom_is_not_interrupted_by_the_takeoff_point(void **state)
+{
+    (void)state;
+    fly(5);
+    arm(true);
+    for (unsigned i = 0; i < 350; i++) {
+        if (i % 35 == 0) {
+            send_system(TELEMETRY_SYSTEM);
+        }
+        fly(0.1);
+        assert_true(operator_is(50));
+        assert_int_equal(view.system.operator_location_type, LIVE);
+    }
 }
 
 /* ArduPilot without a ground station: operator 0,0. Unknown, not a place. */
@@ -186,45 +202,87 @@ static void an_unknown_operator_is_never_a_made_up_default(void **state)
     assert_int_equal(view.system.operator_source, SOURCE_NONE);
 }
 
-/* Centimetres in a metre field: the field is dropped, not the message. */
-static void ardupilots_substituted_operator_altitude_is_dropped(void **state)
+/* An operator stands on Earth: what is no altitude there is dropped, not the place. */
+static void an_operator_altitude_has_to_be_one(void **state)
 {
-    (void)state;
-    for (unsigned px4 = 0; px4 < 2; px4++) {
-        for (uint8_t type = 0; type <= 2; type++) {
-            struct telemetry_update update;
+    static const struct {
+        double altitude_m;
+        bool plausible;
+    } cases[] = {{-430, true},  {0, true},      {70, true},     {8848, true},
+                 {-501, false}, {12300, false}, {31767, false}, {NAN, false}};
 
-            begin();
-            sim.autopilot = px4 ? MAV_AUTOPILOT_PX4 : MAV_AUTOPILOT_ARDUPILOTMEGA;
-            fly(5);
-            update = system_message(TELEMETRY_SYSTEM);
+    (void)state;
+    for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+        for (uint8_t type = 0; type <= 2; type++) {
+            struct telemetry_update update = system_message(TELEMETRY_SYSTEM);
+
+            fly(1);
             update.system.operator_location_type = type;
+            update.system.operator_altitude_m = cases[i].altitude_m;
+            update.system.timestamp_2019_s = seconds_2019();
             give(&update);
             look();
             assert_true(operator_is(50));
-            assert_int_equal(isnan(view.system.operator_altitude_m), !px4 && type == 0);
-            fly(1);
-            send_system(TELEMETRY_SYSTEM_UPDATE);
-            assert_true(operator_is(51));
-            assert_int_equal(isnan(view.system.operator_altitude_m), !px4 && type == 0);
+            assert_int_equal(view.system.operator_location_type, type);
+            if (cases[i].plausible) {
+                assert_near(view.system.operator_altitude_m, cases[i].altitude_m);
+            } else {
+                assert_unknown(view.system.operator_altitude_m);
+            }
         }
     }
 }
 
-static void the_system_timestamp_is_that_of_the_operators_place(void **state)
+/* 3 is no type of the standard: what was said before stands. */
+static void an_operator_location_of_no_known_type_is_not_called_takeoff(void **state)
 {
     struct telemetry_update update;
 
     (void)state;
     fly(5);
+    for (unsigned type = 3; type <= 255; type++) {
+        update = system_message(TELEMETRY_SYSTEM);
+        update.system.operator_location_type = (uint8_t)type;
+        give(&update);
+        look();
+        assert_true(operator_is(50));
+        assert_int_equal(view.system.operator_location_type, LIVE);
+    }
+}
+
+/* 0, an hour ahead, and MAVProxy's epoch, which is 11 hours ahead. */
+static void the_autopilots_time_wins_over_the_ground_stations(void **state)
+{
+    static const int64_t ahead_s[] = {3600, 39600, -86400, 6};
+    struct telemetry_update update;
+
+    (void)state;
+    fly(5);
     assert_int_equal(view.system.timestamp_2019_s, seconds_2019());
-    update = system_message(TELEMETRY_SYSTEM);
-    update.system.timestamp_2019_s = 12345;
+    for (size_t i = 0; i < sizeof(ahead_s) / sizeof(ahead_s[0]); i++) {
+        fly(1);
+        update = system_message(TELEMETRY_SYSTEM);
+        update.system.timestamp_2019_s = (uint32_t)(seconds_2019() + ahead_s[i]);
+        give(&update);
+        look();
+        assert_true(operator_is(50));
+        assert_int_equal(view.system.timestamp_2019_s, seconds_2019());
+        assert_int_equal(condition.operator_ahead_s, ahead_s[i]);
+    }
+    update.system.timestamp_2019_s = 0;
     give(&update);
     look();
-    assert_int_equal(view.system.timestamp_2019_s, 12345);
-    fly(3);
     assert_int_equal(view.system.timestamp_2019_s, seconds_2019());
+    assert_int_equal(condition.operator_ahead_s, 0);
+
+    begin(); /* no better one is known */
+    sim.time = false;
+    fly(5);
+    update = system_message(TELEMETRY_SYSTEM);
+    give(&update);
+    look();
+    assert_int_equal(view.system.timestamp_2019_s, seconds_2019());
+    assert_int_equal(condition.operator_ahead_s, 0);
 }
 
 /* ---- classification and area ---- */
@@ -291,8 +349,12 @@ int main(void)
                                begin_setup),
         cmocka_unit_test_setup(an_unknown_native_operator_is_no_place, begin_setup),
         cmocka_unit_test_setup(an_unknown_operator_is_never_a_made_up_default, begin_setup),
-        cmocka_unit_test_setup(ardupilots_substituted_operator_altitude_is_dropped, begin_setup),
-        cmocka_unit_test_setup(the_system_timestamp_is_that_of_the_operators_place, begin_setup),
+        cmocka_unit_test_setup(who_tells_seldom_is_not_interrupted_by_the_takeoff_point,
+                               begin_setup),
+        cmocka_unit_test_setup(an_operator_altitude_has_to_be_one, begin_setup),
+        cmocka_unit_test_setup(an_operator_location_of_no_known_type_is_not_called_takeoff,
+                               begin_setup),
+        cmocka_unit_test_setup(the_autopilots_time_wins_over_the_ground_stations, begin_setup),
         cmocka_unit_test_setup(a_configured_classification_wins, begin_setup),
         cmocka_unit_test_setup(a_native_classification_fills_what_is_not_configured, begin_setup),
         cmocka_unit_test_setup(one_aircraft_and_no_area_is_the_default, begin_setup),

@@ -43,6 +43,8 @@ static void a_landed_state_wins_over_the_armed_bit(void **state)
         look();
         assert_int_equal(view.location.status, cases[i].armed);
         arm(false);
+        fly(4);
+        landed(cases[i].landed);
         look();
         assert_int_equal(view.location.status, cases[i].disarmed);
     }
@@ -67,7 +69,9 @@ static void an_emergency_is_said_and_over_when_it_is_over(void **state)
     fly(5);
     for (uint8_t system_status = 0; system_status <= MAV_STATE_FLIGHT_TERMINATION;
          system_status++) {
-        bool emergency = system_status == MAV_STATE_EMERGENCY;
+        /* CRITICAL is a failsafe in which it still navigates. */
+        bool emergency =
+            system_status == MAV_STATE_EMERGENCY || system_status == MAV_STATE_FLIGHT_TERMINATION;
 
         sim.system_status = system_status;
         fly(1);
@@ -186,6 +190,133 @@ static void an_emergency_counts_from_whichever_source(void **state)
     assert_int_equal(view.location.status_source, SOURCE_TELEMETRY);
 }
 
+/* A real copter: disarmed at 86 m, under its parachute, "on ground" by its landed state. */
+static void disarmed_high_in_the_air_it_is_in_distress(void **state)
+{
+    for (unsigned with = 0; with < 4; with++) {
+        (void)state;
+        begin();
+        fly(5);
+        arm(true);
+        sim.up_mps = 3;
+        for (unsigned i = 0; i < 30; i++) {
+            sim.altitude_m += 3;
+            fly(1);
+        }
+        assert_int_equal(view.location.status, AIRCRAFT_AIRBORNE);
+        sim.armed = false;
+        sim.up_mps = -4;
+        for (unsigned i = 0; i < 15; i++) {
+            sim.altitude_m -= 4;
+            if (with & 1) {
+                landed(MAV_LANDED_STATE_ON_GROUND);
+            }
+            if (with & 2) { /* ArduPilot's native status is the armed bit */
+                struct telemetry_update update = native_of(now_us);
+
+                update.location.status = AIRCRAFT_GROUND;
+                update.location.vertical_speed_mps = -4;
+                give(&update);
+            }
+            fly(1);
+            if (i > 0) {
+                assert_int_equal(view.location.status, AIRCRAFT_EMERGENCY);
+            }
+        }
+        sim.up_mps = 0; /* it lies there */
+        for (unsigned i = 0; i < 10; i++) {
+            landed(MAV_LANDED_STATE_ON_GROUND);
+            fly(1);
+        }
+        assert_int_equal(view.location.status, AIRCRAFT_GROUND);
+        assert_false(condition.armed);
+    }
+}
+
+/* The same of one that sends nothing but native messages: their status is the armed bit. */
+static void fall_with_native_alone(double home_follows)
+{
+    double height_m = 86;
+
+    sim.position = sim.gps = false;
+    fly(2);
+    arm(true);
+    for (unsigned i = 0; i < 40; i++) {
+        struct telemetry_update update = native_of(now_us);
+        bool falls = i >= 10 && height_m > 0;
+
+        height_m -= falls ? 4 : 0;
+        sim.armed = i < 10;
+        update.location.status = sim.armed ? AIRCRAFT_AIRBORNE : AIRCRAFT_GROUND;
+        update.location.speed_mps = 0;
+        update.location.vertical_speed_mps = falls ? -4 : 0;
+        update.location.altitude_geodetic_m = 36 + (i == 0 ? 0 : height_m);
+        update.location.height_m = i == 0 ? 0 : height_m * (1 - home_follows);
+        give(&update);
+        fly(1);
+        if (i > 1 && i < 10) {
+            assert_int_equal(view.location.status, AIRCRAFT_AIRBORNE);
+        } else if (i > 11 && height_m > 20) {
+            assert_int_equal(view.location.status, AIRCRAFT_EMERGENCY);
+        }
+    }
+    assert_int_equal(view.location.status, AIRCRAFT_GROUND);
+    assert_false(condition.armed);
+}
+
+static void native_alone_disarmed_high_in_the_air_it_is_in_distress(void **state)
+{
+    (void)state;
+    fall_with_native_alone(0);
+}
+
+/* A home that follows a ship, or the aircraft itself: the height above it says nothing. */
+static void native_alone_the_altitude_counts_not_a_home_that_moves(void **state)
+{
+    (void)state;
+    fall_with_native_alone(1);
+}
+
+/* Telemetry that doesn't know where it took off leaves it to the native message. */
+static void a_native_height_counts_where_telemetry_knows_none(void **state)
+{
+    struct telemetry_update update;
+
+    (void)state;
+    sim.armed = true; /* before the daemon began: take-off and home are unknown */
+    sim.native = false;
+    fly(3);
+    for (unsigned i = 0; i < 4; i++) {
+        update = native_of(now_us);
+        update.location.height_m = 86 - 4 * i;
+        update.location.vertical_speed_mps = -4;
+        give(&update);
+        sim.armed = false;
+        fly(0.5);
+    }
+    assert_int_equal(view.location.status, AIRCRAFT_EMERGENCY);
+}
+
+/* A plane that landed above its take-off point, on a ship, in a car: no distress. */
+static void moved_after_landing_it_is_on_the_ground(void **state)
+{
+    (void)state;
+    fly(5);
+    arm(true);
+    sim.altitude_m += 60;
+    fly(10);
+    sim.north_mps = sim.up_mps = 0;
+    landed(MAV_LANDED_STATE_ON_GROUND);
+    arm(false);
+    fly(5);
+    assert_int_equal(view.location.status, AIRCRAFT_GROUND);
+    assert_false(condition.armed);
+    sim.north_mps = 25;
+    sim.up_mps = 2;
+    fly(10);
+    assert_int_equal(view.location.status, AIRCRAFT_GROUND);
+}
+
 static void another_vehicle_starts_from_nothing(void **state)
 {
     struct telemetry_update update = update_of(TELEMETRY_HEARTBEAT);
@@ -221,6 +352,12 @@ int main(void)
         cmocka_unit_test_setup(a_native_status_wins_while_it_is_fresh, begin_setup),
         cmocka_unit_test_setup(a_native_emergency_is_said_without_a_position, begin_setup),
         cmocka_unit_test_setup(an_emergency_counts_from_whichever_source, begin_setup),
+        cmocka_unit_test_setup(disarmed_high_in_the_air_it_is_in_distress, begin_setup),
+        cmocka_unit_test_setup(native_alone_disarmed_high_in_the_air_it_is_in_distress,
+                               begin_setup),
+        cmocka_unit_test_setup(native_alone_the_altitude_counts_not_a_home_that_moves, begin_setup),
+        cmocka_unit_test_setup(a_native_height_counts_where_telemetry_knows_none, begin_setup),
+        cmocka_unit_test_setup(moved_after_landing_it_is_on_the_ground, begin_setup),
         cmocka_unit_test_setup(another_vehicle_starts_from_nothing, begin_setup),
     };
 

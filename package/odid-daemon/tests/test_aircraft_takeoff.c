@@ -144,6 +144,96 @@ static void a_stale_position_at_arming_is_no_takeoff_point(void **state)
     assert_false(condition.takeoff_known);
 }
 
+/* Its landed state says that it hasn't left: then where it is, is where it takes off. */
+static void the_first_fix_on_the_ground_stands_in_and_is_said_to(void **state)
+{
+    (void)state;
+    sim.fix_type = 1;
+    fly(5);
+    arm(true);
+    for (unsigned i = 0; i < 60; i++) {
+        landed(MAV_LANDED_STATE_ON_GROUND);
+        fly(1);
+    }
+    assert_false(condition.takeoff_known);
+    assert_false(condition.fix_known);
+    sim.fix_type = 3;
+    landed(MAV_LANDED_STATE_ON_GROUND);
+    fly(1.2);
+    assert_true(condition.takeoff_known);
+    assert_true(condition.takeoff_is_late);
+    assert_false(condition.takeoff_is_home);
+    sim.altitude_m += 20;
+    landed(MAV_LANDED_STATE_IN_AIR);
+    fly(1);
+    assert_near(view.location.height_m, 20);
+    assert_near(view.system.operator_latitude_deg, 57.7089);
+    arm(false);
+    fly(10);
+    sim.altitude_m -= 20;
+    arm(true);
+    fly(1);
+    assert_false(condition.takeoff_is_late);
+}
+
+static void once_it_has_left_the_ground_home_stands_in(void **state)
+{
+    (void)state;
+    sim.fix_type = 1;
+    fly(5);
+    arm(true);
+    for (unsigned i = 0; i < 4; i++) {
+        landed(MAV_LANDED_STATE_ON_GROUND);
+        fly(1);
+    }
+    home(57.6, 70);
+    fly(1);
+    assert_false(condition.takeoff_known);
+    landed(MAV_LANDED_STATE_IN_AIR);
+    sim.fix_type = 3;
+    sim.altitude_m = 90;
+    fly(2);
+    assert_true(condition.takeoff_is_home);
+    assert_near(view.location.height_m, 20);
+    assert_near(view.system.operator_latitude_deg, 57.6);
+}
+
+static void armed_again_in_the_air_the_takeoff_point_stays(void **state)
+{
+    (void)state;
+    fly(5);
+    arm(true);
+    sim.altitude_m += 50;
+    sim.latitude_deg += 0.01;
+    sim.north_mps = 15;
+    fly(5);
+    arm(false);
+    fly(10);
+    arm(true);
+    fly(1);
+    assert_near(view.location.height_m, 50);
+    assert_near(view.system.operator_latitude_deg, 57.7089);
+}
+
+/* Minutes after landing, aboard a boat that goes faster than some aircraft. */
+static void another_flight_from_something_fast_has_its_own_point(void **state)
+{
+    (void)state;
+    fly(5);
+    arm(true);
+    fly(30);
+    arm(false);
+    fly(120);
+    sim.latitude_deg += 0.01;
+    sim.altitude_m = 64;
+    sim.north_mps = 12;
+    fly(5);
+    arm(true);
+    fly(1);
+    assert_near(view.system.operator_latitude_deg, 57.7189);
+    assert_near(view.location.height_m, 0);
+}
+
 /* ---- armed before our time ---- */
 
 static void armed_before_start_the_kept_point_serves(void **state)
@@ -209,6 +299,7 @@ static void home_after_landing_does_not_stand_in(void **state)
     sim.armed = true;
     fly(5);
     arm(false);
+    fly(4);
     home(57.2, 24);
     fly(1);
     assert_false(condition.takeoff_known);
@@ -332,6 +423,8 @@ static void another_vehicle_inherits_no_takeoff_point(void **state)
     look();
     assert_false(condition.takeoff_known);
     assert_unknown(view.location.latitude_deg);
+    sim.armed = false;
+    fly(4);
     assert_false(condition.armed);
 }
 
@@ -349,6 +442,10 @@ int main(void)
         cmocka_unit_test_setup(armed_without_a_position_neither_height_nor_operator_is_invented,
                                begin_setup),
         cmocka_unit_test_setup(a_stale_position_at_arming_is_no_takeoff_point, begin_setup),
+        cmocka_unit_test_setup(the_first_fix_on_the_ground_stands_in_and_is_said_to, begin_setup),
+        cmocka_unit_test_setup(once_it_has_left_the_ground_home_stands_in, begin_setup),
+        cmocka_unit_test_setup(armed_again_in_the_air_the_takeoff_point_stays, begin_setup),
+        cmocka_unit_test_setup(another_flight_from_something_fast_has_its_own_point, begin_setup),
         cmocka_unit_test_setup(armed_before_start_the_kept_point_serves, begin_setup),
         cmocka_unit_test_setup(the_kept_point_is_not_used_when_arming_is_seen, begin_setup),
         cmocka_unit_test_setup(armed_before_start_the_first_home_stands_in, begin_setup),

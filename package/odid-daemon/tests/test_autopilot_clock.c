@@ -56,7 +56,7 @@ static int64_t hear(int64_t stamped_us)
 
 static void tell_utc(int64_t stamped_us)
 {
-    autopilot_clock_utc(&clock, (uint64_t)(utc_at_us + stamped_us), boot_ms_at(stamped_us),
+    autopilot_clock_utc(&clock, (uint64_t)(utc_at_us + stamped_us), boot_ms_at(stamped_us), true,
                         stamped_us + LATENCY);
 }
 
@@ -291,7 +291,7 @@ static void utc_goes_on_over_a_restart(void **state)
     assert_true(clock.utc_known);
     assert_within(utc_error(115 * SECOND), 2 * LATENCY);
     /* the restarted autopilot has no GNSS fix yet, then it has */
-    autopilot_clock_utc(&clock, 0, boot_ms_at(116 * SECOND), 116 * SECOND + LATENCY);
+    autopilot_clock_utc(&clock, 0, boot_ms_at(116 * SECOND), true, 116 * SECOND + LATENCY);
     assert_within(utc_error(116 * SECOND), 2 * LATENCY);
     tell_utc(117 * SECOND);
     assert_within(utc_error(117 * SECOND), 2 * LATENCY);
@@ -340,14 +340,14 @@ static void a_time_that_is_no_gnss_time_is_ignored(void **state)
         for (unsigned n = 0; n < 10; n++) {
             int64_t at = (100 + (int64_t)(10 * i + n)) * SECOND;
 
-            autopilot_clock_utc(&clock, wrong[i], boot_ms_at(at), at + LATENCY);
+            autopilot_clock_utc(&clock, wrong[i], boot_ms_at(at), true, at + LATENCY);
             assert_false(clock.utc_known);
         }
     }
     tell_utc(300 * SECOND);
     assert_true(clock.utc_known);
     for (unsigned n = 1; n < 10; n++) {
-        autopilot_clock_utc(&clock, 0, boot_ms_at((300 + n) * SECOND), (300 + n) * SECOND);
+        autopilot_clock_utc(&clock, 0, boot_ms_at((300 + n) * SECOND), true, (300 + n) * SECOND);
     }
     assert_within(utc_error(310 * SECOND), 2 * LATENCY);
 }
@@ -399,7 +399,7 @@ static void a_late_system_time_does_not_bend_utc(void **state)
         tell_utc(at);
     }
     autopilot_clock_utc(&clock, (uint64_t)(utc_at_us + 110 * SECOND), boot_ms_at(110 * SECOND),
-                        117 * SECOND);
+                        true, 117 * SECOND);
     assert_within(utc_error(117 * SECOND), 2 * LATENCY);
 }
 

@@ -187,6 +187,27 @@ static void a_payload_is_taken_when_the_controller_says_so(void **state)
     assert_true(in_time(loop_now_us() - bt4.accepted_us, 0, 100000));
 }
 
+/* One is with the controller, one waits: what is made then takes the place of that one. */
+static void what_never_reaches_the_controller_is_counted(void **state)
+{
+    uint64_t before;
+
+    (void)state;
+    start_on_air(CAPABLE);
+    run_ms(40);
+    before = bt4.replaced;
+    fake.holds = true;
+    set_legacy(2);
+    run_ms(5);
+    set_legacy(3);
+    assert_int_equal(bt4.replaced, before);
+    set_legacy(4);
+    assert_int_equal(bt4.replaced, before + 1);
+    fake_release(&fake);
+    run_ms(50);
+    assert_int_equal(bt4.replaced, before + 1);
+}
+
 /* What is replaced within an interval and its random 10 ms may never be on the air. */
 static void a_payload_stays_until_it_must_have_been_sent(void **state)
 {
@@ -315,6 +336,7 @@ int main(void)
         TEST(nothing_is_advertised_before_there_is_a_payload),
         TEST(one_alone_can_be_switched_on),
         TEST(a_payload_is_taken_when_the_controller_says_so),
+        TEST(what_never_reaches_the_controller_is_counted),
         TEST(a_payload_stays_until_it_must_have_been_sent),
         TEST(what_was_overtaken_is_not_sent),
         TEST(a_controller_without_room_is_waited_for),

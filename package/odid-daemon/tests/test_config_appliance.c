@@ -8,6 +8,7 @@ static void defaults_of_the_appliance(void **state)
     assert_string_equal(config.autopilot_device, "auto");
     assert_int_equal(config.autopilot_baud, 921600);
     assert_string_equal(config.ground_station, "");
+    assert_string_equal(config.ground_station_iface, "eth0");
     assert_string_equal(config.wifi_country, "SE");
     assert_int_equal(config.wifi_channel, 6);
     assert_string_equal(config.maintenance_password, "");
@@ -32,6 +33,7 @@ static void right_values(void **state)
         {"ground_station", "address", "192.168.1.20:14551", "192.168.1.20:14551"},
         {"ground_station", "address", "255.255.255.255:65535", "255.255.255.255:65535"},
         {"ground_station", "address", "\"\"", ""},
+        {"ground_station", "interface", "wwan0", "wwan0"},
         {"wifi", "country", "no", "NO"},
         {"wifi", "channel", "1", "1"},
         {"wifi", "channel", "11", "11"},
@@ -76,9 +78,17 @@ static void wrong_values(void **state)
         const char *section, *key, *written, *expected;
     } cases[] = {
         {"autopilot", "device", "ttyACM0",
-         "auto, a path such as /dev/serial/by-id/NAME, or usb:VVVV:PPPP; using auto"},
+         "auto, a serial port such as /dev/serial/by-id/NAME or /dev/ttyACM0, or usb:VVVV:PPPP; "
+         "using auto"},
         {"autopilot", "device", "/etc/passwd", NULL},
         {"autopilot", "device", "/dev/", NULL},
+        {"autopilot", "device", "/dev/null", NULL}, /* its group and mode would be changed */
+        {"autopilot", "device", "/dev/mmcblk0", NULL},
+        {"autopilot", "device", "/dev/tty", NULL},
+        {"autopilot", "device", "/dev/tty1", NULL},
+        {"autopilot", "device", "/dev/ttyACM", NULL},
+        {"autopilot", "device", "/dev/ttyACM0/../null", NULL},
+        {"autopilot", "device", "/dev/serial/../null", NULL},
         {"autopilot", "device", "/dev/../etc/passwd", NULL},
         {"autopilot", "device", "/dev/tty ACM0", NULL},
         {"autopilot", "device", "/dev/x|e reboot", NULL},

@@ -23,6 +23,10 @@ static void judgements(void **state)
     } cases[] = {
         {GOOD, ""},
         {GOOD "[system]\ncategory = specific\nclass = C4\n", ""},
+        {GOOD "[maintenance]\npassword = twelve chars\n", ""},
+        {GOOD "[maintenance]\npassword = eleven cha.\n",
+         "warning: [maintenance] password has 11 characters: whoever records one log-in can guess "
+         "it at leisure. Expected 12 or more, by chance; it is taken all the same\n"},
         {"[basic_id]\n",
          "warning: [basic_id] uas_id is not set: the aircraft has no identity unless the autopilot "
          "sends one\n"

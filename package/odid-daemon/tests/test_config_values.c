@@ -93,6 +93,15 @@ static void wrong_values(void **state)
          "wifi_iface = \"interface1234567\": expected an interface such as wlan0, at most 15 "
          "bytes; using wlan0"},
         {"broadcast", "wifi_iface = interface123456", NULL},
+        {"broadcast", "wifi_iface = wlan0|",
+         "wifi_iface = \"wlan0|\": expected an interface such as wlan0, at most 15 bytes; using "
+         "wlan0"},
+        {"broadcast", "wifi_iface = a\",\"lo",
+         "wifi_iface = \"a\",\"lo\": expected an interface such as wlan0, at most 15 bytes; using "
+         "wlan0"},
+        {"broadcast", "wifi_iface = -a",
+         "wifi_iface = \"-a\": expected an interface such as wlan0, at most 15 bytes; using wlan0"},
+        {"broadcast", "wifi_iface = wl-x.0_1", NULL},
         {"broadcast", "hostapd_dir = run/hostapd",
          "hostapd_dir = \"run/hostapd\": expected an absolute path, at most 80 bytes; using "
          "/run/hostapd"},

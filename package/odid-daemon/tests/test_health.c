@@ -145,7 +145,7 @@ static void link_states(void **state)
     judge();
     assert_non_null(strstr(health.problem[0].advice, "udp_port"));
     fixture.link.state = LINK_ALIVE;
-    expect_one(HEALTH_FAULT, "no heartbeat from the autopilot");
+    expect_one(HEALTH_FAULT, "no heartbeat from autopilot");
 }
 
 static void positions(void **state)
@@ -154,11 +154,79 @@ static void positions(void **state)
     fixture.view.location.position_fresh = false;
     fixture.view.location.fix_us = INT64_MIN;
     fixture.view.location.status = AIRCRAFT_REMOTE_ID_FAILURE; /* ours: told by its cause */
-    expect_one(HEALTH_FAULT, "no position from the autopilot");
+    expect_one(HEALTH_FAULT, "no position from autopilot");
     fixture.view.location.fix_us = NOW - 12900000;
     expect_one(HEALTH_FAULT, "position stopped 12 s ago");
+    fixture.condition.fix_known = false;
+    expect_one(HEALTH_FAULT, "autopilot has no GNSS fix");
     fixture.view.location.position_source = SOURCE_CONFIGURATION;
     expect_one(HEALTH_FAULT, "bench position in use");
+}
+
+static void fields_that_stay_unknown(void **state)
+{
+    (void)state;
+    fixture.view.location.height_m = NAN;
+    judge();
+    assert_int_equal(health.count, 0); /* known from arming on */
+    fixture.condition.armed = true;
+    expect_one(HEALTH_WARNING, "height above take-off unknown");
+    fixture.view.location.height_m = 12;
+    fixture.view.location.altitude_geodetic_m = NAN;
+    expect_one(HEALTH_WARNING, "altitude above the ellipsoid unknown");
+    fixture.view.location.altitude_geodetic_m = 48;
+    fixture.view.location.horizontal_accuracy = 0;
+    expect_one(HEALTH_WARNING, "accuracy of position unknown");
+    /* Lost a moment ago: that is told when the position goes. */
+    fixture.condition.fix_known = false;
+    judge();
+    assert_int_equal(health.count, 0);
+    fixture.condition.fix_known = true;
+    fixture.view.location.horizontal_accuracy = 10;
+    fixture.condition.takeoff_is_late = true;
+    expect_one(HEALTH_WARNING, "take-off point is the first fix after arming");
+}
+
+static void an_operator_altitude_that_stays_unknown(void **state)
+{
+    static const struct {
+        enum source source;
+        const char *advice;
+    } rows[] = {
+        {SOURCE_CONFIGURATION, "set [system] operator_altitude"},
+        {SOURCE_NATIVE, "let the ground station send its altitude"},
+        {SOURCE_TELEMETRY, "arm with a fix, and with MAVLink 2"},
+    };
+
+    (void)state;
+    fixture.condition.armed = true;
+    fixture.view.system.operator_altitude_m = NAN;
+    for (size_t i = 0; i < sizeof(rows) / sizeof(rows[0]); i++) {
+        fixture.view.system.operator_source = rows[i].source;
+        expect_one(HEALTH_WARNING, "operator altitude unknown");
+        assert_non_null(strstr(health.problem[0].advice, rows[i].advice));
+    }
+    /* From where the aircraft's own comes, which is told. */
+    fixture.view.location.altitude_geodetic_m = NAN;
+    expect_one(HEALTH_WARNING, "altitude above the ellipsoid unknown");
+    fixture.view.location.altitude_geodetic_m = 48;
+    fixture.view.system.operator_source = SOURCE_NONE; /* told as a whole */
+    expect_one(HEALTH_WARNING, "operator location unknown");
+}
+
+static void what_was_set_right(void **state)
+{
+    (void)state;
+    fixture.condition.vertical_inverted = true;
+    expect_one(HEALTH_WARNING, "vertical speed comes inverted: set right");
+    fixture.condition.vertical_inverted = false;
+    fixture.condition.operator_ahead_s = -5;
+    judge();
+    assert_int_equal(health.count, 0);
+    fixture.condition.operator_ahead_s = 39600; /* MAVProxy's epoch */
+    expect_one(HEALTH_WARNING, "ground station's clock is +39600 s off");
+    fixture.condition.operator_ahead_s = -6;
+    expect_one(HEALTH_WARNING, "ground station's clock is -6 s off");
 }
 
 static void autopilots_own_failure(void **state)
@@ -166,14 +234,14 @@ static void autopilots_own_failure(void **state)
     (void)state;
     fixture.view.location.status = AIRCRAFT_REMOTE_ID_FAILURE;
     fixture.view.location.status_source = SOURCE_NATIVE;
-    expect_one(HEALTH_FAULT, "autopilot says: remote ID system failure");
+    expect_one(HEALTH_FAULT, "autopilot: Remote ID failure");
 }
 
 static void slow_positions(void **state)
 {
     (void)state;
     fixture.condition.position_rate_hz = 0.4;
-    expect_one(HEALTH_WARNING, "positions come only every 3 s");
+    expect_one(HEALTH_WARNING, "positions come only every 2.5 s");
     fixture.condition.position_rate_hz = NAN; /* not known yet */
     judge();
     assert_int_equal(health.count, 0);
@@ -210,11 +278,9 @@ static void each_state_of_a_channel(void **state)
         enum radio_state state;
         const char *reason;
     } cases[] = {
-        {RADIO_ABSENT, "Wi-Fi beacon not on the air: absent"},
-        {RADIO_BLOCKED, "Wi-Fi beacon not on the air: blocked"},
-        {RADIO_DOWN, "Wi-Fi beacon not on the air: down"},
-        {RADIO_STARTING, "Wi-Fi beacon not on the air: starting"},
-        {RADIO_LOST, "Wi-Fi beacon not on the air: lost"},
+        {RADIO_ABSENT, "Wi-Fi beacon off: absent"}, {RADIO_BLOCKED, "Wi-Fi beacon off: blocked"},
+        {RADIO_DOWN, "Wi-Fi beacon off: down"},     {RADIO_STARTING, "Wi-Fi beacon off: starting"},
+        {RADIO_LOST, "Wi-Fi beacon off: lost"},
     };
 
     (void)state;
@@ -251,7 +317,7 @@ static void bluetooth_4_alone(void **state)
     (void)state;
     fixture.config.wifi_beacon_enabled = false;
     fixture.radios[CHANNEL_WIFI].state = RADIO_DISABLED;
-    expect_one(HEALTH_FAULT, "Bluetooth 4 alone does not meet EU rules");
+    expect_one(HEALTH_FAULT, "EU: Bluetooth 4 is not enough");
     assert_true(health.on_air);
     fixture.radios[CHANNEL_BT5].state = RADIO_ON_AIR;
     judge();
@@ -266,8 +332,8 @@ static void nothing_on_the_air(void **state)
     judge();
     assert_int_equal(health.count, 3);
     assert_string_equal(health_reason(&health), "no channel is on the air");
-    assert_string_equal(health.problem[1].reason, "Bluetooth 4 not on the air: blocked");
-    assert_string_equal(health.problem[2].reason, "Wi-Fi beacon not on the air: lost");
+    assert_string_equal(health.problem[1].reason, "Bluetooth 4 off: blocked");
+    assert_string_equal(health.problem[2].reason, "Wi-Fi beacon off: lost");
     assert_non_null(strstr(health.problem[1].advice, "rfkill unblock bluetooth"));
     assert_false(health.on_air);
 }
@@ -287,6 +353,13 @@ static void about_the_daemon(void **state)
     fixture.input.filter_logging = false;
     fixture.input.realtime = false;
     expect_one(HEALTH_WARNING, "no real-time priority");
+}
+
+static void two_sources_keep_from_arming(void **state)
+{
+    (void)state;
+    fixture.input.contradicted = true;
+    expect_one(HEALTH_FAULT, "two speak as the autopilot");
 }
 
 static void an_update_keeps_from_arming(void **state)
@@ -320,11 +393,32 @@ static void the_order(void **state)
     assert_string_equal(health.problem[1].reason, "missing basic_id message");
     assert_string_equal(health.problem[2].reason, "missing operator_id message");
     assert_string_equal(health.problem[3].reason, "no link to the autopilot");
-    assert_string_equal(health.problem[4].reason, "no position from the autopilot");
-    assert_string_equal(health.problem[5].reason, "Bluetooth 4 not on the air: absent");
+    assert_string_equal(health.problem[4].reason, "no position from autopilot");
+    assert_string_equal(health.problem[5].reason, "Bluetooth 4 off: absent");
     assert_true(has("operator location unknown"));
     assert_true(has("no real-time priority"));
     assert_true(health.count < HEALTH_MAX);
+}
+
+/* "PreArm: OpenDroneID: " takes 21 of the 50 characters that ArduPilot's STATUSTEXT has: what is
+ * behind the rest, the pilot doesn't see. */
+static void a_pilot_can_read_each_of_them(void **state)
+{
+    (void)state;
+    fixture.view = (struct aircraft_view){.location.fix_us = INT64_MIN};
+    fixture.condition = (struct aircraft_condition){.heartbeat_fresh = true};
+    fixture.input.updating = fixture.input.contradicted = true;
+    for (unsigned round = 0; round < 4; round++) {
+        fixture.link.state = round == 0 ? LINK_ABSENT : LINK_ALIVE;
+        fixture.condition.heartbeat_fresh = round != 1;
+        fixture.condition.fix_known = round == 2;
+        fixture.radios[CHANNEL_BT4].state = round == 3 ? RADIO_ON_AIR : RADIO_STARTING;
+        fixture.radios[CHANNEL_WIFI].state = RADIO_STARTING;
+        judge();
+        for (unsigned i = 0; i < health.count && health.problem[i].severity == HEALTH_FAULT; i++) {
+            assert_in_range(strlen(health.problem[i].reason), 1, 29);
+        }
+    }
 }
 
 #define TEST(name) cmocka_unit_test_setup(name, reset)
@@ -332,16 +426,31 @@ static void the_order(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        TEST(nothing_is_wrong),   TEST(no_basic_id),
-        TEST(no_operator_id),     TEST(wrong_serial),
-        TEST(second_identifier),  TEST(wrong_operator_number),
-        TEST(conflicts),          TEST(link_states),
-        TEST(positions),          TEST(autopilots_own_failure),
-        TEST(slow_positions),     TEST(operator_location),
-        TEST(time_unknown),       TEST(each_state_of_a_channel),
-        TEST(what_is_required),   TEST(bluetooth_4_alone),
-        TEST(nothing_on_the_air), TEST(about_the_daemon),
-        TEST(the_order),          TEST(an_update_keeps_from_arming),
+        TEST(nothing_is_wrong),
+        TEST(no_basic_id),
+        TEST(no_operator_id),
+        TEST(wrong_serial),
+        TEST(second_identifier),
+        TEST(wrong_operator_number),
+        TEST(conflicts),
+        TEST(link_states),
+        TEST(positions),
+        TEST(fields_that_stay_unknown),
+        TEST(an_operator_altitude_that_stays_unknown),
+        TEST(what_was_set_right),
+        TEST(autopilots_own_failure),
+        TEST(slow_positions),
+        TEST(operator_location),
+        TEST(time_unknown),
+        TEST(each_state_of_a_channel),
+        TEST(what_is_required),
+        TEST(bluetooth_4_alone),
+        TEST(nothing_on_the_air),
+        TEST(about_the_daemon),
+        TEST(the_order),
+        TEST(a_pilot_can_read_each_of_them),
+        TEST(an_update_keeps_from_arming),
+        TEST(two_sources_keep_from_arming),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

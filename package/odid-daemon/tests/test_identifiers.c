@@ -221,42 +221,13 @@ static void secrets_in_other_texts(void **state)
     }
 }
 
-static void a_number_alone_ends_after_16_characters(void **state)
-{
-    static const char *const given[] = {"FIN87astrdge12k8-xyz", "FIN87astrdge12k8xyz",
-                                        "FIN87astrdge12k8 xyz", "FIN87astrdge12k8_xyz",
-                                        "FIN87astrdge12k8xy",   "FIN87astrdge12k8:xyz"};
-    char number[24];
-
-    (void)state;
-    for (size_t i = 0; i < sizeof(given) / sizeof(given[0]); i++) {
-        memset(number, 0, sizeof(number));
-        strcpy(number, given[i]);
-        assert_true(identifiers_cut_operator(number));
-        assert_string_equal(number, "FIN87astrdge12k8");
-        for (size_t at = 16; at < sizeof(number); at++) {
-            assert_int_equal(number[at], 0); /* nor behind its end */
-        }
-    }
-    strcpy(number, "FIN87astrdge12k8");
-    assert_false(identifiers_cut_operator(number));
-    strcpy(number, "OP-1234"); /* another authority's */
-    assert_false(identifiers_cut_operator(number));
-    assert_string_equal(number, "OP-1234");
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(valid_serials),
-        cmocka_unit_test(length_codes),
-        cmocka_unit_test(serial_alphabet),
-        cmocka_unit_test(invalid_serials),
-        cmocka_unit_test(valid_operators),
-        cmocka_unit_test(every_single_error_is_noticed),
-        cmocka_unit_test(invalid_operators),
-        cmocka_unit_test(secrets_in_other_texts),
-        cmocka_unit_test(a_number_alone_ends_after_16_characters),
+        cmocka_unit_test(valid_serials),     cmocka_unit_test(length_codes),
+        cmocka_unit_test(serial_alphabet),   cmocka_unit_test(invalid_serials),
+        cmocka_unit_test(valid_operators),   cmocka_unit_test(every_single_error_is_noticed),
+        cmocka_unit_test(invalid_operators), cmocka_unit_test(secrets_in_other_texts),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

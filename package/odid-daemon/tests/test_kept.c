@@ -50,6 +50,7 @@ static void write_text(const char *text)
 static void what_was_written_is_read(void **state)
 {
     const struct kept in = {.vehicle = 255,
+                            .fix_known = true,
                             .takeoff = {.known = true,
                                         .latitude_deg = 57.7089123,
                                         .longitude_deg = -11.9746001,
@@ -61,6 +62,7 @@ static void what_was_written_is_read(void **state)
     assert_int_equal(kept_write(directory, &in), 0);
     kept_read(directory, &out);
     assert_int_equal(out.vehicle, 255);
+    assert_true(out.fix_known);
     assert_true(out.takeoff.known);
     assert_true(fabs(out.takeoff.latitude_deg - in.takeoff.latitude_deg) < 1e-8);
     assert_true(fabs(out.takeoff.longitude_deg - in.takeoff.longitude_deg) < 1e-8);
@@ -80,6 +82,7 @@ static void a_finished_flights_point_is_gone(void **state)
     assert_int_equal(kept_write(directory, &landed), 0);
     kept_read(directory, &out);
     assert_int_equal(out.vehicle, 7);
+    assert_false(out.fix_known);
     assert_false(out.takeoff.known);
 }
 
@@ -113,6 +116,25 @@ static void nonsense_is_unknown(void **state)
     }
 }
 
+static void armed_is_kept(void **state)
+{
+    struct kept in = {.vehicle = 7, .armed_once = true}, out;
+
+    (void)state;
+    for (enum kept_armed armed = KEPT_UNHEARD; armed <= KEPT_ARMED; armed++) {
+        in.armed = armed;
+        assert_int_equal(kept_write(directory, &in), 0);
+        assert_int_equal(kept_read(directory, &out), 0);
+        assert_int_equal(out.armed, armed);
+        assert_true(out.armed_once);
+    }
+    /* What can't be read is no word of disarmed. */
+    write_text("vehicle 7\narmed maybe\narmed-once no\n");
+    assert_int_equal(kept_read(directory, &out), 0);
+    assert_int_equal(out.armed, KEPT_ARMED);
+    assert_false(out.armed_once);
+}
+
 static void a_directory_that_is_gone_is_an_error(void **state)
 {
     const struct kept in = {.vehicle = 1};
@@ -120,7 +142,7 @@ static void a_directory_that_is_gone_is_an_error(void **state)
 
     (void)state;
     assert_int_equal(kept_write("/nonexistent", &in), -ENOENT);
-    kept_read("/nonexistent", &out);
+    assert_int_equal(kept_read("/nonexistent", &out), -ENOENT);
     assert_int_equal(out.vehicle, 0);
 }
 
@@ -207,6 +229,7 @@ int main(void)
         cmocka_unit_test(what_was_written_is_read),
         cmocka_unit_test(a_finished_flights_point_is_gone),
         cmocka_unit_test(nonsense_is_unknown),
+        cmocka_unit_test(armed_is_kept),
         cmocka_unit_test(a_directory_that_is_gone_is_an_error),
         cmocka_unit_test(counters_go_on),
         cmocka_unit_test(counters_of_half_a_file_begin_anew),

@@ -205,6 +205,34 @@ static void more_senders_than_streams_take_the_longest_silent_place(void **state
     }
 }
 
+/* A flood waits its turn, and what the kernel had no room for is counted. */
+static void a_flood_is_taken_in_portions(void **state)
+{
+    const unsigned sent = 5000, portion = 32, portion_ms = 5;
+    int fd = udp_sender(config.udp_port);
+    size_t taken;
+
+    (void)state;
+    run_ms(2 * portion_ms);
+    got.length = 0;
+    for (unsigned i = 0; i < sent; i++) {
+        assert_int_equal(send(fd, "x", 1, 0), 1);
+    }
+    run_ms(1);
+    assert_int_equal(got.length, portion);
+    run_ms(3 * portion_ms);
+    assert_in_range(got.length, 2 * portion, 5 * portion);
+
+    run_ms(1000);
+    taken = got.length;
+    assert_in_range(taken, portion, sent - 1);
+    assert_int_equal(send(fd, "x", 1, 0), 1);
+    run_ms(20);
+    assert_int_equal(got.length, taken + 1);
+    assert_int_equal(link_status()->overrun, sent - taken);
+    close(fd);
+}
+
 static int start_loop(void **state)
 {
     (void)state;
@@ -217,6 +245,7 @@ int main(void)
         cmocka_unit_test(a_serial_port_is_read_lost_and_found_again),
         cmocka_unit_test(udp_keeps_senders_apart_and_answers_each),
         cmocka_unit_test(more_senders_than_streams_take_the_longest_silent_place),
+        cmocka_unit_test(a_flood_is_taken_in_portions),
     };
 
     return cmocka_run_group_tests(tests, start_loop, NULL);

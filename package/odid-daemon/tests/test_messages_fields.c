@@ -149,10 +149,12 @@ static void altitudes(void **state)
     }
 }
 
-/* The lowest value on the air says "unknown": what is really there is never that. */
-static void altitudes_beyond_the_range_go_to_its_ends(void **state)
+/* The lowest value on the air says "unknown": what is really there is never that, and what is below
+ * it nowhere. */
+static void altitudes_beyond_the_range_go_to_its_ends_or_are_unknown(void **state)
 {
-    static const double low[] = {-999.6, -999.9, -1000, -1000.5, -5000, -1e12};
+    static const double low[] = {-999.6, -999.9, -1000};
+    static const double nowhere[] = {-1000.1, -1000.5, -5000, -1e12};
     static const double high[] = {31767.5, 31768, 40000, 1e12};
 
     (void)state;
@@ -162,6 +164,13 @@ static void altitudes_beyond_the_range_go_to_its_ends(void **state)
         decode();
         assert_true(location.AltitudeGeo == -999.5F && location.Height == -999.5F);
         assert_true(sys.OperatorAltitudeGeo == -999.5F);
+    }
+    for (size_t i = 0; i < sizeof(nowhere) / sizeof(nowhere[0]); i++) {
+        view.location.altitude_geodetic_m = view.location.height_m = nowhere[i];
+        view.system.operator_altitude_m = nowhere[i];
+        decode();
+        assert_true(location.AltitudeGeo == -1000.0F && location.Height == -1000.0F);
+        assert_true(sys.OperatorAltitudeGeo == -1000.0F);
     }
     for (size_t i = 0; i < sizeof(high) / sizeof(high[0]); i++) {
         view.location.altitude_geodetic_m = view.location.height_m = high[i];
@@ -360,7 +369,7 @@ int main(void)
         cmocka_unit_test_setup(places, setup),
         cmocka_unit_test_setup(wrong_places_are_unknown_as_a_whole, setup),
         cmocka_unit_test_setup(altitudes, setup),
-        cmocka_unit_test_setup(altitudes_beyond_the_range_go_to_its_ends, setup),
+        cmocka_unit_test_setup(altitudes_beyond_the_range_go_to_its_ends_or_are_unknown, setup),
         cmocka_unit_test_setup(timestamps, setup),
         cmocka_unit_test_setup(numbers_of_tables, setup),
         cmocka_unit_test_setup(types_of_ids_and_texts, setup),

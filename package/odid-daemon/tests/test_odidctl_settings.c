@@ -4,9 +4,7 @@
 
 #define CONF "data/odid/odid.conf"
 #define BEGIN "; Kept.\n[wifi]\ncountry = NO ; and this\n\n[broadcast]\nbt5_enabled = off\n"
-#define ARMED "{\"on_air\": true, \"aircraft\": {\"armed\": true}}"
-#define DISARMED "{\"on_air\": true, \"aircraft\": {\"armed\": false}}"
-#define LOST "{\"on_air\": true, \"aircraft\": {\"armed\": null}}"
+#define ANSWER "{\"on_air\": true}"
 
 /* ---- get ---- */
 
@@ -165,7 +163,7 @@ static void the_password_becomes_a_key(void **state)
     assert_int_equal(CALL("set", "maintenance.password", "password"), 0);
     assert_null(strstr(said, "password"));
     expect_file("data/secrets/maintenance.psk",
-                "f42c6fc52df0ebef9ebb4b90b38a5f902e83fe1b135a70e23aed762e9710a12e\n");
+                "f42c6fc52df0ebef9ebb4b90b38a5f902e83fe1b135a70e23aed762e9710a12e\nIEEE\n");
     assert_int_equal(stat("data/secrets/maintenance.psk", &file), 0);
     assert_int_equal(file.st_mode & 0777, 0600);
     expect_file(CONF, BEGIN);
@@ -177,7 +175,7 @@ static void the_password_becomes_a_key(void **state)
     shell("rm -r data/secrets/maintenance.psk 2>/dev/null; true");
     assert_int_equal(CALL("set", "maintenance.password", "ThisIsAPassword"), 0);
     expect_file("data/secrets/maintenance.psk",
-                "0dc0d6eb90555ed6419756b9a15ec3e3209b63df707dd508d14581f8982721af\n");
+                "0dc0d6eb90555ed6419756b9a15ec3e3209b63df707dd508d14581f8982721af\nThisIsASSID\n");
 }
 
 /* ---- making it count ---- */
@@ -196,7 +194,9 @@ static void it_is_applied_unless_armed(void **state)
     put_apply("#!/bin/sh\necho applied >>applied\n");
     unlink("applied");
 
-    /* Nobody answers, and it was never heard: disarmed. */
+    /* The daemon answers, and no autopilot was heard: disarmed. */
+    keep_armed("unheard");
+    daemon = answer_with(ANSWER);
     assert_int_equal(CALL("set", "wifi.channel", "1"), 0);
     assert_string_equal(said, "Saved, and in effect.\n");
     expect_file("applied", "applied\n");
@@ -204,32 +204,31 @@ static void it_is_applied_unless_armed(void **state)
     assert_string_equal(said, "It is set to that already.\n");
     expect_file("applied", "applied\n");
 
-    daemon = answer_with(ARMED);
+    keep_armed("yes");
     assert_int_equal(CALL("set", "wifi.channel", "2"), 0);
     assert_non_null(strstr(said, "after the next power-on"));
     expect_file("applied", "applied\n");
     expect_in_force("wifi.channel", "2");
-    end(daemon);
 
-    daemon = answer_with(DISARMED);
-    put("state/armed", "");
+    keep_armed("no");
     assert_int_equal(CALL("set", "wifi.channel", "3"), 0);
     expect_file("applied", "applied\napplied\n");
     end(daemon);
 
-    /* An autopilot that was lost after it was armed. */
-    daemon = answer_with(LOST);
+    /* The daemon doesn't answer: what it said last may be old. */
     assert_int_equal(CALL("set", "wifi.channel", "4"), 0);
     assert_non_null(strstr(said, "after the next power-on"));
-    end(daemon);
+    unlink("run/kept");
     assert_int_equal(CALL("set", "wifi.channel", "5"), 0);
     assert_non_null(strstr(said, "after the next power-on"));
     expect_file("applied", "applied\napplied\n");
-    unlink("state/armed");
+    keep_armed("no");
+    daemon = answer_with(ANSWER);
 
     put_apply("#!/bin/sh\nexit 3\n");
     assert_int_equal(CALL("set", "wifi.channel", "6"), 4);
     assert_non_null(strstr(said, "saved, but ./apply failed"));
+    end(daemon);
     expect_in_force("wifi.channel", "6");
     unlink("apply");
 }
@@ -243,6 +242,10 @@ static void maintenance_on_and_off(void **state)
     (void)state;
     assert_int_equal(CALL("maintenance"), 2);
     assert_int_equal(CALL("maintenance", "maybe"), 2);
+    assert_int_equal(CALL("maintenance", "on"), 1); /* nobody says that it is disarmed */
+    expect_none("state/maintenance-asked");
+    keep_armed("unheard");
+    daemon = answer_with(ANSWER);
     assert_int_equal(CALL("maintenance", "on"), 4);
     assert_non_null(strstr(said, "nobody can join"));
     put("data/secrets/maintenance.psk", "00\n");
@@ -251,12 +254,13 @@ static void maintenance_on_and_off(void **state)
     assert_int_equal(CALL("maintenance", "off"), 0);
     expect_none("state/maintenance-asked");
     assert_int_equal(CALL("maintenance", "off"), 0);
-    daemon = answer_with(ARMED);
+    keep_armed("yes");
     assert_int_equal(CALL("maintenance", "on"), 1);
     expect_none("state/maintenance-asked");
-    end(daemon);
+    keep_armed("no");
     shell("rm -r state");
     assert_int_equal(CALL("maintenance", "on"), 1);
+    end(daemon);
 }
 
 #define TEST(function) cmocka_unit_test_setup(function, bench_clear)

@@ -31,6 +31,21 @@ static void faults_in_the_table(void **state)
     end(daemon);
 }
 
+/* A terminal obeys what begins with an escape. */
+static void no_word_to_the_terminal(void **state)
+{
+    pid_t daemon =
+        answer_with("{\"on_air\": true, \"version\": \"1\\u001b[2J\", \"faults\": [\"\\u001b]0;x"
+                    "\\u0007\"], \"identity\": {\"uas_id\": \"A\\u009b2J\\u001bc\"}}");
+
+    (void)state;
+    assert_int_equal(CALL("status"), 0);
+    assert_non_null(strstr(said, "1?[2J"));
+    assert_null(strchr(said, '\033'));
+    assert_null(strstr(said, "\xC2\x9B"));
+    end(daemon);
+}
+
 static void faults_in_json(void **state)
 {
     pid_t daemon = answer_with(ON_AIR);
@@ -87,18 +102,50 @@ static void updates(void **state)
     end(daemon);
 }
 
+/* In each case in which it isn't known to be disarmed. */
+static void armed_is_what_the_daemon_keeps(void **state)
+{
+    pid_t daemon = answer_with("{\"on_air\": true}");
+
+    (void)state;
+    assert_int_equal(CALL("armed"), 0);
+    assert_string_equal(said, "unknown never 0\n");
+    keep_armed("yes");
+    assert_int_equal(CALL("armed"), 0);
+    assert_string_equal(said, "armed once 7\n");
+    keep_armed("unheard");
+    assert_int_equal(CALL("armed"), 1);
+    assert_string_equal(said, "disarmed never 7\n");
+    keep_armed("no");
+    assert_int_equal(CALL("armed"), 1);
+    put("run/kept", "nonsense");
+    assert_int_equal(CALL("armed"), 0);
+    shell("rm run/kept; ln -s ../kept run/kept; echo armed no >kept");
+    assert_int_equal(CALL("armed"), 0);
+    shell("rm run/kept; mkfifo run/kept");
+    assert_int_equal(CALL("armed"), 0);
+    shell("rm run/kept");
+    keep_armed("no");
+    end(daemon);
+    assert_int_equal(CALL("armed"), 0);
+    assert_string_equal(said, "unknown never 7\n");
+}
+
 static void factory_reset(void **state)
 {
+    pid_t daemon = answer_with("{\"on_air\": true}");
+
     (void)state;
-    put("state/armed", "");
+    keep_armed("yes");
     assert_int_equal(CALL("factory-reset"), 1);
     expect_none("data/odid/factory-reset");
-    unlink("state/armed");
+    keep_armed("unheard");
     assert_int_equal(CALL("factory-reset"), 4); /* this is no appliance: nothing is restarted */
     assert_non_null(got("data/odid/factory-reset"));
     shell("rm -r data");
     assert_int_equal(CALL("factory-reset"), 1);
     assert_non_null(strstr(said, "nothing has changed"));
+    end(daemon);
 }
 
 /* Then they matter most. */
@@ -154,8 +201,10 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         TEST(faults_in_the_table),
+        TEST(no_word_to_the_terminal),
         TEST(faults_in_json),
         TEST(updates),
+        TEST(armed_is_what_the_daemon_keeps),
         TEST(factory_reset),
         TEST(faults_without_a_daemon),
         TEST(nonsense_for_an_answer),

@@ -62,11 +62,15 @@ static void table_of_a_bad_one(void **state)
     fixture.radios[CHANNEL_WIFI].state = RADIO_ABSENT;
     fixture.radios[CHANNEL_WIFI].accepted_us = INT64_MIN;
     strcpy(fixture.radios[CHANNEL_WIFI].detail, "no control socket");
+    fixture.radios[CHANNEL_BT5].replaced = 7;
+    asking.message[3].refusals = asking.message[4].refusals = 2;
     draw_fixture(false, text, sizeof(text));
     assert_non_null(strstr(text, "REMOTE ID IS ONLY PARTLY ON THE AIR"));
-    assert_non_null(strstr(text, "Do not fly: Bluetooth 4 alone does not meet EU rules"));
-    assert_non_null(strstr(text, "FAULT    Wi-Fi beacon not on the air: absent"));
+    assert_non_null(strstr(text, "Do not fly: EU: Bluetooth 4 is not enough"));
+    assert_non_null(strstr(text, "FAULT    Wi-Fi beacon off: absent"));
     assert_non_null(strstr(text, "no control socket"));
+    assert_non_null(strstr(text, ", 7 never taken"));
+    assert_non_null(strstr(text, "to send 245 242 (numbers of MAVLink messages)"));
     fixture.radios[CHANNEL_BT4].state = RADIO_BLOCKED;
     draw_fixture(false, text, sizeof(text));
     assert_non_null(strstr(text, "REMOTE ID IS NOT ON THE AIR"));

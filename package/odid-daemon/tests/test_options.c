@@ -100,11 +100,44 @@ static void no_password_is_kept(void **state)
     unlink(path);
 }
 
+/* Where the daemon was configured elsewhere nobody found it: no status, and so not armed. */
+static void the_appliances_places_are_the_images(void **state)
+{
+    static struct options options;
+    char path[] = "/tmp/odid-options-XXXXXX";
+    static const char text[] = "[daemon]\nrun_dir = /tmp/elsewhere\nuser = nobody\n"
+                               "[mavlink]\nudp_address = 0.0.0.0\nudp_port = 14560\n"
+                               "[broadcast]\nhostapd_dir = /tmp/hostapd\n";
+    char *arguments[] = {"odid-daemon", "-appliance", "-config", path, NULL};
+    int fd = mkstemp(path);
+
+    (void)state;
+    assert_true(fd >= 0);
+    assert_int_equal(write(fd, text, strlen(text)), (ssize_t)strlen(text));
+    close(fd);
+    optind = 1;
+    assert_true(options_read(&options, 4, arguments));
+    assert_string_equal(options.config.run_dir, "/run/odid");
+    assert_string_equal(options.config.user, "odid");
+    assert_string_equal(options.config.udp_address, "127.0.0.1");
+    assert_string_equal(options.config.hostapd_dir, "/run/hostapd");
+    assert_int_equal(options.config.udp_port, 14560);
+    assert_int_equal(options.errors, 0);
+    assert_non_null(strstr(options.report[0], "run_dir = /tmp/elsewhere is not for the appliance"));
+
+    arguments[1] = "-debug"; /* any other computer: as it is configured */
+    optind = 1;
+    assert_true(options_read(&options, 4, arguments));
+    assert_string_equal(options.config.run_dir, "/tmp/elsewhere");
+    unlink(path);
+}
+
 int main(int argc, char *argv[])
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(no_secret_in_the_environment),
         cmocka_unit_test(no_password_is_kept),
+        cmocka_unit_test(the_appliances_places_are_the_images),
     };
 
     (void)argv;

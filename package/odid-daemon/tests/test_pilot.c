@@ -191,6 +191,22 @@ static void each_channel_is_told_for_itself(void **state)
     }
 }
 
+static void two_sources_are_told_once_and_their_end_once(void **state)
+{
+    (void)state;
+    pilot_sources(&pilot, VEHICLE, false);
+    assert_int_equal(sent_count, 0);
+    for (unsigned i = 0; i < 3; i++) {
+        pilot_sources(&pilot, VEHICLE, true);
+    }
+    assert_int_equal(sent_count, 1);
+    assert_int_equal(text().severity, MAV_SEVERITY_CRITICAL);
+    pilot_sources(&pilot, VEHICLE, false);
+    pilot_sources(&pilot, VEHICLE, false);
+    assert_int_equal(sent_count, 2);
+    assert_int_equal(text().severity, MAV_SEVERITY_NOTICE);
+}
+
 /* ---- the request for faster positions ---- */
 
 static void a_rate_is_asked_of_the_autopilot(void **state)
@@ -222,6 +238,7 @@ int main(void)
         cmocka_unit_test_setup(a_repair_within_a_second_is_not_told, setup),
         cmocka_unit_test_setup(a_channel_that_never_was_on_air_is_not_lost, setup),
         cmocka_unit_test_setup(each_channel_is_told_for_itself, setup),
+        cmocka_unit_test_setup(two_sources_are_told_once_and_their_end_once, setup),
         cmocka_unit_test_setup(a_rate_is_asked_of_the_autopilot, setup),
     };
 

@@ -51,7 +51,32 @@ static void all_is_well(void **state)
     assert_int_equal(snapshot.channels[CHANNEL_BT5].confirmed_us, INT64_MIN);
     assert_true(snapshot.armed_known && snapshot.armed);
     assert_true(snapshot.link && snapshot.position && snapshot.identity);
+    assert_false(snapshot.two_sources);
     assert_int_equal(snapshot.unix_us, INT64_C(1767323045000000));
+}
+
+/* Two looks at one answer, or an answer that waited, are no gap in the broadcast. */
+static void an_answer_of_a_moment_ago_tells_of_that_moment(void **state)
+{
+    static const struct {
+        const char *text;
+        int64_t expected_us;
+    } answers[] = {
+        {"{\"at_s\":99.75,\"uptime_s\":9}", 90750000},
+        {"{\"at_s\":100.25,\"uptime_s\":9}", 91000000}, /* not made yet: no instant to count from */
+        {"{\"at_s\":90.00,\"uptime_s\":9}", 91000000},  /* nobody waited so long */
+        {"{\"uptime_s\":9}", 91000000},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof(answers) / sizeof(answers[0]); i++) {
+        struct json_object *status = recorder_json_parse(answers[i].text, strlen(answers[i].text));
+
+        memset(&snapshot, 0, sizeof(snapshot));
+        recorder_snapshot(&snapshot, status, 100000000);
+        assert_int_equal(snapshot.daemon_start_us, answers[i].expected_us);
+        json_object_put(status);
+    }
 }
 
 static void nothing_is_well(void **state)
@@ -59,12 +84,14 @@ static void nothing_is_well(void **state)
     (void)state;
     fixture.condition.heartbeat_fresh = fixture.condition.time_known = false;
     fixture.view.location.position_fresh = false;
+    fixture.input.contradicted = true;
     fixture.view.operator_id[0] = fixture.config.operator_id[0] = '\0';
     radio_init(&fixture.radios[CHANNEL_WIFI], RADIO_ABSENT, NOW);
     strcpy(fixture.radios[CHANNEL_WIFI].detail, "no \"socket\"");
     take_fixture();
     assert_false(snapshot.armed_known || snapshot.armed);
     assert_false(snapshot.link || snapshot.position || snapshot.identity);
+    assert_true(snapshot.two_sources);
     assert_int_equal(snapshot.unix_us, 0);
     assert_true(snapshot.channels[CHANNEL_WIFI].required);
     assert_false(snapshot.channels[CHANNEL_WIFI].on_air);
@@ -145,7 +172,7 @@ static void *answer_slowly(void *context)
     return NULL;
 }
 
-static void asking(void **state)
+static void asking_the_daemon(void **state)
 {
     char path[128], long_directory[200];
     pthread_t thread;
@@ -178,8 +205,9 @@ static void asking(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        TEST(all_is_well),    TEST(nothing_is_well), TEST(a_link_without_heartbeat_is_none),
-        TEST(something_else), TEST(asking),
+        TEST(all_is_well),     TEST(an_answer_of_a_moment_ago_tells_of_that_moment),
+        TEST(nothing_is_well), TEST(a_link_without_heartbeat_is_none),
+        TEST(something_else),  TEST(asking_the_daemon),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

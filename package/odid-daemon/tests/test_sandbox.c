@@ -6,6 +6,7 @@
 
 #include <cmocka.h>
 
+#include <errno.h>
 #include <fcntl.h>
 #include <linux/capability.h>
 #include <poll.h>
@@ -216,6 +217,75 @@ static void in_log_mode_nothing_ends(void **state)
     assert_ended_well(sandboxed(trace_a_process, true));
 }
 
+/* ---- log mode, which whoever took the daemon over can bring about ---- */
+
+#define HELD 55
+
+static bool refused(long result)
+{
+    return result == -1 && errno == EPERM;
+}
+
+/* With arguments that a process without the filter would get far with. */
+static void break_out(void)
+{
+    char *const words[] = {(char *)"true", NULL};
+    int fd = syscall(SYS_memfd_create, "x", 0);
+    char parameters[120] = {0};
+
+    MUST(refused(syscall(SYS_execve, "/bin/true", words, NULL)));
+    MUST(refused(syscall(SYS_execveat, AT_FDCWD, "/bin/true", words, NULL, 0)));
+    MUST(refused(syscall(SYS_clone, SIGCHLD, 0, 0, 0, 0)));
+    MUST(refused(syscall(SYS_ptrace, 0, 0, 0, 0)));
+    MUST(refused(syscall(SYS_process_vm_readv, getppid(), NULL, 0, NULL, 0, 0)));
+    MUST(refused(syscall(SYS_mount, "none", "/mnt", "tmpfs", 0, NULL)));
+    MUST(refused(syscall(SYS_umount2, "/nowhere", 0)));
+    MUST(refused(syscall(SYS_unshare, 0)));
+    MUST(refused(syscall(SYS_chroot, "/")));
+    MUST(refused(syscall(SYS_finit_module, fd, "", 0)));
+    MUST(refused(syscall(SYS_bpf, 0, NULL, 0)));
+    MUST(refused(syscall(SYS_kexec_load, 0, 0, NULL, 0)));
+    MUST(refused(syscall(SYS_setuid, getuid())));
+    MUST(refused(syscall(SYS_setgroups, 0, NULL)));
+    MUST(refused(syscall(SYS_io_uring_setup, 1, parameters)));
+    MUST(refused(syscall(SYS_symlinkat, "/etc/passwd", AT_FDCWD, "/tmp/odid-forbidden")));
+    MUST(refused(
+        syscall(SYS_mmap, NULL, 4096, PROT_READ | PROT_EXEC, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0)));
+    MUST(refused(syscall(SYS_socket, AF_PACKET, SOCK_RAW, 0)));
+    MUST(refused(syscall(SYS_socket, AF_NETLINK, SOCK_RAW, 0)));
+    MUST(refused(syscall(SYS_socket, 1000, SOCK_RAW, 0)));
+    leave(HELD);
+}
+
+static void in_log_mode_nobody_breaks_out(void **state)
+{
+    int status;
+
+    (void)state;
+    need_root();
+    status = sandboxed(break_out, true);
+    assert_true(WIFEXITED(status));
+    assert_int_equal(WEXITSTATUS(status), HELD);
+}
+
+/* What nobody thought of is only logged, and what is needed goes on. */
+static void in_log_mode_the_daemon_works(void **state)
+{
+    char path[sizeof(folder) + 8];
+
+    (void)state;
+    need_root();
+    strcpy(folder + strlen(folder) - 6, "XXXXXX");
+    assert_non_null(mkdtemp(folder));
+    assert_int_equal(chmod(folder, 0777), 0);
+    assert_ended_well(sandboxed(do_what_the_daemon_does, true));
+    assert_ended_well(sandboxed(make_a_directory, true));
+    rmdir("/tmp/odid-forbidden");
+    snprintf(path, sizeof(path), "%s/kept", folder);
+    assert_int_equal(unlink(path), 0);
+    assert_int_equal(rmdir(folder), 0);
+}
+
 /* The value of a line of /proc/<pid>/status, "" when it has none. */
 static void status_line(pid_t pid, const char *name, char value[64])
 {
@@ -295,6 +365,8 @@ int main(void)
         cmocka_unit_test(executable_memory_and_foreign_sockets_end_it_too),
         cmocka_unit_test(what_the_daemon_does_is_allowed),
         cmocka_unit_test(in_log_mode_nothing_ends),
+        cmocka_unit_test(in_log_mode_nobody_breaks_out),
+        cmocka_unit_test(in_log_mode_the_daemon_works),
         cmocka_unit_test(proc_shows_user_capabilities_no_new_privs_and_filter),
         cmocka_unit_test(an_unknown_user_is_an_error),
     };

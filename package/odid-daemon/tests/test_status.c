@@ -10,13 +10,17 @@
 #include <json-c/json_tokener.h>
 #include <json-c/linkhash.h>
 #include <pthread.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
+#include <time.h>
 #include <unistd.h>
 
+#include "loop_until.h"
+#include "status_ask.h"
 #include "status_fixture.h"
 
 /* ---- lateness ---- */
@@ -78,19 +82,21 @@ static void stable_names(void **state)
     struct json_object *root = make_json(), *channels;
 
     (void)state;
-    expect_fields(root, NULL,
-                  "version uptime_s on_air reason channels link mavlink vehicle identity position "
-                  "operator time aircraft problems configuration schedule privilege");
+    expect_fields(
+        root, NULL,
+        "version at_s uptime_s on_air reason channels link mavlink vehicle identity position "
+        "operator time aircraft problems configuration schedule privilege");
     expect_fields(root, "channels", "bt4 bt5 wifi");
     channels = json_object_object_get(root, "channels");
     expect_fields(channels, "bt4",
                   "title state detail required since_s last_accepted_s confirmed_s unbroken_s "
-                  "payloads starts repairs failures");
+                  "payloads replaced starts repairs failures");
     expect_fields(root, "link",
-                  "name state detail since_s bytes_in bytes_out bytes_dropped opened senders");
+                  "name state detail since_s bytes_in bytes_out bytes_dropped overrun opened "
+                  "senders");
     expect_fields(root, "mavlink",
-                  "frames bad_crc unknown_id other_transmitter other_aircraft other_system "
-                  "not_needed");
+                  "frames bad_crc unknown_id refused other_transmitter other_aircraft "
+                  "other_system not_needed not_believed contradicted");
     expect_fields(root, "identity", "basic_ids operator_id self_id classification");
     expect_fields(root, "position",
                   "source fresh age_s latitude_deg longitude_deg altitude_geodetic_m "
@@ -100,7 +106,8 @@ static void stable_names(void **state)
     expect_fields(root, "time", "known utc");
     expect_fields(root, "aircraft",
                   "heartbeat armed emergency mav_type autopilot restarts takeoff_known "
-                  "takeoff_is_home position_rate_hz");
+                  "takeoff_is_home takeoff_is_late fix_known vertical_inverted position_rate_hz "
+                  "refused_messages");
     expect_fields(root, "configuration", "errors sentences");
     expect_fields(root, "schedule", "slots skipped slot_lateness_p99_us slot_lateness_max_us");
     expect_fields(root, "privilege", "realtime filter_logging");
@@ -259,15 +266,117 @@ static void over_the_socket(void **state)
     assert_int_equal(status_start(directory, gather, &calls), 0);
     assert_int_equal(stat(path, &file), 0);
     assert_true(S_ISSOCK(file.st_mode));
-    assert_int_equal(file.st_mode & 0777, 0666);
+    assert_int_equal(file.st_mode & 0777, 0660);
     assert_int_equal(pthread_create(&thread, NULL, ask, NULL), 0);
-    assert_int_equal(loop_run(), 0);
+    run_ms(200);
     pthread_join(thread, NULL);
-    assert_int_equal(calls, QUESTIONS);
+    assert_int_equal(calls, 1); /* made once for all that ask within a quarter of a second */
     status = json_tokener_parse(answer);
     assert_non_null(status);
     assert_true(json_object_get_boolean(json_object_object_get(status, "on_air")));
     json_object_put(status);
+    unlink(path);
+    rmdir(directory);
+}
+
+/* A daemon that was taken over owns the folder: what a name there leads to isn't asked. */
+static void a_link_is_not_followed(void **state)
+{
+    struct sockaddr_un address = {.sun_family = AF_UNIX};
+    int other = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+    static char said[STATUS_ANSWER_MAX];
+    char path[64];
+
+    (void)state;
+    strcpy(directory + strlen(directory) - 6, "XXXXXX");
+    assert_non_null(mkdtemp(directory));
+    snprintf(address.sun_path, sizeof(address.sun_path), "%s/other", directory);
+    snprintf(path, sizeof(path), "%s/%s", directory, STATUS_SOCKET);
+    assert_int_equal(bind(other, (struct sockaddr *)&address, sizeof(address)), 0);
+    assert_int_equal(listen(other, 1), 0);
+    assert_int_equal(status_ask(directory, 100, said), -ENOENT);
+    assert_int_equal(symlink(address.sun_path, path), 0);
+    assert_int_equal(status_ask(directory, 100, said), -ECONNREFUSED);
+    assert_int_equal(accept(other, NULL, NULL), -1);
+    unlink(path);
+    unlink(address.sun_path);
+    rmdir(directory);
+    close(other);
+}
+
+/* ---- a flood ---- */
+
+#define FLOOD_MS 1500
+
+static struct {
+    atomic_bool over;
+    atomic_uint connections;
+    ssize_t length; /* of what somebody got who asks beside it */
+} flood;
+
+static void *connect_for_ever(void *context)
+{
+    (void)context;
+    while (!flood.over) {
+        int fd = connect_to_status();
+        char octet;
+
+        if (fd >= 0 && read(fd, &octet, 1) == 1) { /* was taken, not only queued */
+            flood.connections++;
+        }
+        close(fd);
+    }
+    return NULL;
+}
+
+static void *ask_beside_it(void *context)
+{
+    static char said[STATUS_ANSWER_MAX];
+
+    (void)context;
+    flood.length = status_ask(directory, FLOOD_MS, said);
+    return NULL;
+}
+
+static int64_t own_time_us(void)
+{
+    struct timespec used;
+
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &used);
+    return used.tv_sec * INT64_C(1000000) + used.tv_nsec / 1000;
+}
+
+/* A thousand times what anybody needs: nearly all of the time is still the broadcast's. */
+static void a_flood_of_connections(void **state)
+{
+    pthread_t threads[4];
+    unsigned calls = 0;
+    int64_t used_us;
+    char path[64];
+
+    (void)state;
+    strcpy(directory + strlen(directory) - 6, "XXXXXX");
+    assert_non_null(mkdtemp(directory));
+    assert_int_equal(loop_init(), 0);
+    assert_int_equal(status_start(directory, gather, &calls), 0);
+    for (int i = 0; i < 3; i++) {
+        assert_int_equal(pthread_create(&threads[i], NULL, connect_for_ever, NULL), 0);
+    }
+    assert_int_equal(pthread_create(&threads[3], NULL, ask_beside_it, NULL), 0);
+    used_us = own_time_us();
+    run_ms(FLOOD_MS);
+    used_us = own_time_us() - used_us;
+    flood.over = true;
+    run_ms(300); /* lets those go that wait */
+    for (int i = 0; i < 4; i++) {
+        pthread_join(threads[i], NULL);
+    }
+    print_message("%u answers made, %u connections taken, %lld us of processor time in %d ms\n",
+                  calls, flood.connections, (long long)used_us, FLOOD_MS);
+    assert_in_range(calls, 1, (FLOOD_MS + 300) / 250 + 2);
+    assert_in_range(flood.connections, 1, (FLOOD_MS + 300) / 125 * 8 + 8);
+    assert_true(flood.length > 0);
+    snprintf(path, sizeof(path), "%s/%s", directory, STATUS_SOCKET);
     unlink(path);
     rmdir(directory);
 }
@@ -296,6 +405,8 @@ int main(void)
         TEST(foreign_bytes),
         TEST(problems_and_sentences),
         TEST(over_the_socket),
+        TEST(a_link_is_not_followed),
+        TEST(a_flood_of_connections),
         TEST(places_where_it_cannot_be),
     };
 

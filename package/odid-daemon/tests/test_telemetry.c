@@ -51,13 +51,15 @@ static void a_signed_frame_counts_without_a_key(void **state)
 /* Zeros at the end of a MAVLink 2 payload aren't sent. */
 static void a_truncated_payload_reads_as_zeros(void **state)
 {
-    const mavlink_global_position_int_t full = {.lat = 1, .lon = 2, .alt = 3, .vx = 77, .hdg = 9};
+    const mavlink_global_position_int_t full = {
+        .lat = 577089001, .lon = 2, .alt = 3, .vx = 77, .hdg = 9};
     const mavlink_global_position_int_t position = {.time_boot_ms = 5, .lat = 577089000};
     struct frame frame = frame_global_position_int(VEHICLE, AUTOPILOT, &position);
 
     (void)state;
     assert_true(frame.length < 12 + MAVLINK_MSG_ID_GLOBAL_POSITION_INT_LEN);
     feed(frame_global_position_int(VEHICLE, AUTOPILOT, &full));
+    now_us += 10 * SECOND;
     assert_int_equal(feed(frame), 1);
     assert_true(latest()->global_position.latitude_deg > 57.7);
     assert_true(latest()->global_position.longitude_deg == 0);
@@ -126,7 +128,7 @@ static void garbage_between_frames_is_skipped(void **state)
         telemetry_receive(telemetry, 0, garbage, sizeof(garbage), now_us);
         assert_int_equal(feed(some_position(VEHICLE, AUTOPILOT)), 1);
     }
-    assert_int_equal(telemetry_counters(telemetry)->bad_crc, 0);
+    assert_int_equal(telemetry_counters(telemetry)->framing.bad_crc, 0);
 }
 
 /*
@@ -150,6 +152,7 @@ static void a_false_start_costs_no_frames(void **state)
         }
         for (unsigned i = 0; i < 20; i++) {
             position.time_boot_ms += 200;
+            now_us += 200000;
             feed(frame_global_position_int(VEHICLE, AUTOPILOT, &position));
             fed++;
         }
@@ -183,7 +186,7 @@ static void a_damaged_frame_is_counted_and_the_next_one_read(void **state)
 
         damaged.bytes[i] ^= 0x10;
         assert_int_equal(feed(damaged), 0);
-        assert_int_equal(telemetry_counters(telemetry)->bad_crc, i - 9);
+        assert_int_equal(telemetry_counters(telemetry)->framing.bad_crc, i - 9);
         assert_int_equal(feed(frame), 1);
     }
 }
@@ -227,8 +230,8 @@ static void an_unknown_id_is_counted_as_such(void **state)
 
     (void)state;
     telemetry_receive(telemetry, 0, unknown, sizeof(unknown), now_us);
-    assert_int_equal(telemetry_counters(telemetry)->unknown_id, 1);
-    assert_int_equal(telemetry_counters(telemetry)->bad_crc, 0);
+    assert_int_equal(telemetry_counters(telemetry)->framing.unknown_id, 1);
+    assert_int_equal(telemetry_counters(telemetry)->framing.bad_crc, 0);
     assert_int_equal(feed(some_position(VEHICLE, AUTOPILOT)), 1);
 }
 
@@ -352,32 +355,109 @@ static void the_vehicle_of_before_a_restart_counts_before_its_heartbeat(void **s
 {
     (void)state;
     begin();
-    telemetry_expect(telemetry, VEHICLE, now_us);
+    telemetry_expect(telemetry, VEHICLE, false, now_us);
     assert_int_equal(telemetry_vehicle(telemetry), VEHICLE);
     assert_true(telemetry_heartbeat_us(telemetry) == INT64_MIN);
     assert_int_equal(feed(some_position(VEHICLE, AUTOPILOT)), 1);
     assert_int_equal(feed(some_position(VEHICLE + 1, AUTOPILOT)), 0);
     now_us += 2900000;
-    assert_int_equal(feed(autopilot_heartbeat(VEHICLE + 1)), 0);
+    assert_int_equal(feed(disarmed_heartbeat(VEHICLE + 1)), 0);
     now_us += 200000; /* it is not there any more */
-    assert_int_equal(feed(autopilot_heartbeat(VEHICLE + 1)), 1);
+    assert_int_equal(feed(disarmed_heartbeat(VEHICLE + 1)), 1);
     assert_true(latest()->heartbeat.new_vehicle);
     assert_int_equal(telemetry_vehicle(telemetry), VEHICLE + 1);
+}
+
+/* Whoever was heard first after power-on, and said armed, was the vehicle until power-off. */
+static void who_is_heard_first_gives_way_to_the_vehicle_of_the_last_power_on(void **state)
+{
+    (void)state;
+    begin();
+    telemetry_expect(telemetry, VEHICLE, false, now_us);
+    assert_int_equal(feed(autopilot_heartbeat(OTHER_VEHICLE)), 0);
+    now_us += 3 * SECOND;
+    assert_int_equal(feed(autopilot_heartbeat(OTHER_VEHICLE)),
+                     1); /* an autopilot that was exchanged */
+    assert_int_equal(telemetry_vehicle(telemetry), OTHER_VEHICLE);
+    now_us += 60 * SECOND;
+    assert_int_equal(feed(autopilot_heartbeat(OTHER_VEHICLE)), 1);
+    assert_int_equal(feed(disarmed_heartbeat(VEHICLE)), 1);
+    assert_true(latest()->heartbeat.new_vehicle);
+    assert_int_equal(telemetry_vehicle(telemetry), VEHICLE);
 }
 
 static void another_vehicle_waits_for_10_s_of_silence(void **state)
 {
     (void)state;
+    feed(disarmed_heartbeat(VEHICLE));
     now_us += 10 * SECOND - 1;
-    assert_int_equal(feed(autopilot_heartbeat(OTHER_VEHICLE)), 0);
+    assert_int_equal(feed(disarmed_heartbeat(OTHER_VEHICLE)), 0);
     assert_int_equal(telemetry_vehicle(telemetry), VEHICLE);
     now_us += 1;
-    assert_int_equal(feed(autopilot_heartbeat(OTHER_VEHICLE)), 1);
+    assert_int_equal(feed(disarmed_heartbeat(OTHER_VEHICLE)), 1);
     assert_true(latest()->heartbeat.new_vehicle);
     assert_int_equal(telemetry_vehicle(telemetry), OTHER_VEHICLE);
-    assert_int_equal(feed(autopilot_heartbeat(OTHER_VEHICLE)), 1);
+    assert_int_equal(feed(disarmed_heartbeat(OTHER_VEHICLE)), 1);
     assert_false(latest()->heartbeat.new_vehicle);
-    assert_int_equal(feed(autopilot_heartbeat(VEHICLE)), 0);
+}
+
+static void in_flight_no_other_vehicle_takes_its_place(void **state)
+{
+    (void)state;
+    for (unsigned i = 0; i < 3600; i++) {
+        now_us += SECOND;
+        assert_int_equal(feed(disarmed_heartbeat(OTHER_VEHICLE)), 0);
+        assert_int_equal(feed(autopilot_heartbeat(OTHER_VEHICLE)), 0);
+        assert_int_equal(feed(some_position(OTHER_VEHICLE, AUTOPILOT)), 0);
+    }
+    assert_int_equal(telemetry_vehicle(telemetry), VEHICLE);
+    assert_int_equal(feed(autopilot_heartbeat(VEHICLE)), 1);
+}
+
+static void one_that_flies_takes_no_place_at_all(void **state)
+{
+    (void)state;
+    feed(disarmed_heartbeat(VEHICLE));
+    now_us += 60 * SECOND;
+    assert_int_equal(feed(autopilot_heartbeat(OTHER_VEHICLE)), 0);
+    assert_int_equal(telemetry_vehicle(telemetry), VEHICLE);
+}
+
+/* Whatever the other one says meanwhile. */
+static void the_first_vehicle_has_its_place_back_when_it_returns(void **state)
+{
+    (void)state;
+    feed(disarmed_heartbeat(VEHICLE));
+    now_us += 11 * SECOND;
+    assert_int_equal(feed(disarmed_heartbeat(OTHER_VEHICLE)), 1);
+    now_us += SECOND;
+    assert_int_equal(feed(autopilot_heartbeat(OTHER_VEHICLE)), 1);
+    now_us += SECOND;
+    assert_int_equal(feed(autopilot_heartbeat(VEHICLE)), 1);
+    assert_true(latest()->heartbeat.new_vehicle);
+    assert_int_equal(telemetry_vehicle(telemetry), VEHICLE);
+    assert_int_equal(feed(autopilot_heartbeat(OTHER_VEHICLE)), 0);
+    assert_int_equal(feed(some_position(OTHER_VEHICLE, AUTOPILOT)), 0);
+    assert_int_equal(feed(some_position(VEHICLE, AUTOPILOT)), 1);
+}
+
+static void a_ground_station_becomes_no_vehicle(void **state)
+{
+    (void)state;
+    feed(disarmed_heartbeat(VEHICLE));
+    now_us += 60 * SECOND;
+    assert_int_equal(feed(disarmed_heartbeat(GROUND_STATION)), 0);
+    assert_int_equal(telemetry_vehicle(telemetry), VEHICLE);
+}
+
+static void after_a_restart_in_flight_no_other_vehicle_takes_its_place(void **state)
+{
+    (void)state;
+    begin();
+    telemetry_expect(telemetry, VEHICLE, true, now_us);
+    now_us += 60 * SECOND;
+    assert_int_equal(feed(disarmed_heartbeat(OTHER_VEHICLE)), 0);
+    assert_int_equal(feed(autopilot_heartbeat(VEHICLE)), 1);
 }
 
 static void the_same_vehicle_after_silence_is_no_new_one(void **state)
@@ -431,7 +511,14 @@ int main(void)
         cmocka_unit_test_setup(a_component_type_makes_no_vehicle, setup),
         cmocka_unit_test_setup(the_vehicles_other_components_say_nothing_of_its_state, setup),
         cmocka_unit_test_setup(the_vehicle_of_before_a_restart_counts_before_its_heartbeat, setup),
+        cmocka_unit_test_setup(who_is_heard_first_gives_way_to_the_vehicle_of_the_last_power_on,
+                               setup),
         cmocka_unit_test_setup(another_vehicle_waits_for_10_s_of_silence, setup),
+        cmocka_unit_test_setup(in_flight_no_other_vehicle_takes_its_place, setup),
+        cmocka_unit_test_setup(one_that_flies_takes_no_place_at_all, setup),
+        cmocka_unit_test_setup(the_first_vehicle_has_its_place_back_when_it_returns, setup),
+        cmocka_unit_test_setup(a_ground_station_becomes_no_vehicle, setup),
+        cmocka_unit_test_setup(after_a_restart_in_flight_no_other_vehicle_takes_its_place, setup),
         cmocka_unit_test_setup(the_same_vehicle_after_silence_is_no_new_one, setup),
         cmocka_unit_test_setup(replies_go_where_the_vehicle_was_heard_last, setup),
     };

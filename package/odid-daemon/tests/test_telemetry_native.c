@@ -95,16 +95,21 @@ static void targets_from_the_autopilot(void **state)
     }
 }
 
+/* ArduPilot passes on what its radio hears, but for what has its own ids: an aircraft was dragged
+ * away by LOCATIONs of component 191. */
 static void targets_from_another_component_of_the_vehicle(void **state)
 {
     (void)state;
     for (enum kind kind = 0; kind < KINDS; kind++) {
+        bool autopilots = kind == LOCATION || kind == PACK || kind == BASIC_ID;
+
         for (unsigned component = 0; component < 256; component++) {
             bool ours = component == 0 || component == TELEMETRY_COMPONENT_ODID;
 
-            assert_true(accepted(native(kind, VEHICLE, 191, 0, (uint8_t)component)));
+            assert_int_equal(accepted(native(kind, VEHICLE, 191, 0, (uint8_t)component)),
+                             !autopilots);
             assert_int_equal(accepted(native(kind, VEHICLE, 191, VEHICLE, (uint8_t)component)),
-                             ours);
+                             ours && !autopilots);
             assert_false(accepted(native(kind, VEHICLE, 191, OTHER_VEHICLE, (uint8_t)component)));
         }
     }
@@ -130,6 +135,15 @@ static void targets_from_a_ground_station(void **state)
                 accepted(native(kind, GROUND_STATION, 190, OTHER_VEHICLE, (uint8_t)component)));
         }
     }
+}
+
+static void a_ground_station_gives_no_identity_to_an_aircraft_that_has_one(void **state)
+{
+    (void)state;
+    assert_true(accepted(native(BASIC_ID, GROUND_STATION, 190, 0, 0)));
+    assert_true(accepted(native(BASIC_ID, VEHICLE, AUTOPILOT, 0, 0)));
+    assert_false(accepted(native(BASIC_ID, GROUND_STATION, 190, 0, 0)));
+    assert_true(accepted(native(SYSTEM, GROUND_STATION, 190, 0, 0)));
 }
 
 static void other_systems_are_ignored(void **state)
@@ -177,9 +191,9 @@ static void another_transmitters_messages_are_ignored(void **state)
             assert_int_equal(feed(native(kind, VEHICLE, component, 0, 0)), 0);
             assert_int_equal(telemetry_counters(telemetry)->other_transmitter, before + ++ignored);
         }
-        assert_true(accepted(native(kind, VEHICLE, 235, 0, 0)));
-        assert_true(accepted(native(kind, VEHICLE, 239, 0, 0)));
     }
+    assert_true(accepted(native(SELF_ID, VEHICLE, 235, 0, 0)));
+    assert_true(accepted(native(SELF_ID, VEHICLE, 239, 0, 0)));
 }
 
 static void messages_about_another_aircraft_are_ignored(void **state)
@@ -362,6 +376,8 @@ int main(void)
         cmocka_unit_test_setup(targets_from_the_autopilot, setup),
         cmocka_unit_test_setup(targets_from_another_component_of_the_vehicle, setup),
         cmocka_unit_test_setup(targets_from_a_ground_station, setup),
+        cmocka_unit_test_setup(a_ground_station_gives_no_identity_to_an_aircraft_that_has_one,
+                               setup),
         cmocka_unit_test_setup(other_systems_are_ignored, setup),
         cmocka_unit_test_setup(a_ground_station_is_one_by_its_heartbeat, setup),
         cmocka_unit_test_setup(nothing_counts_before_a_vehicle_is_known, setup),

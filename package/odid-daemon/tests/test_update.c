@@ -9,6 +9,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "kept.h"
 #include "update.h"
 
 #define SECOND_US INT64_C(1000000)
@@ -93,16 +94,16 @@ static void arming_stops_the_installer_until_it_has_ended(void **state)
 
     (void)state;
     written();
-    assert_int_equal(ticks(&well, 30, &after_s), UPDATE_NOTHING);
+    assert_int_equal(ticks(&well, 29, &after_s), UPDATE_NOTHING);
     assert_int_equal(ticks(&armed, 30, &after_s), UPDATE_STOP);
     assert_int_equal(after_s, 1);
-    assert_true(update.stopped);
+    assert_non_null(update.stopped);
     assert_int_equal(ticks(&armed, 30, &after_s), UPDATE_STOP);
     assert_int_equal(ticks(&well, 30, &after_s), UPDATE_STOP); /* disarmed again */
     update_ended(&update, now_us);
     assert_int_equal(update.state, UPDATE_IDLE);
     update_begins(&update, now_us);
-    assert_false(update.stopped);
+    assert_null(update.stopped);
 }
 
 /* Nothing is written; the gate refuses it and says why, also to a server, which would offer it
@@ -113,30 +114,100 @@ static void arming_leaves_what_is_checked_to_the_gate(void **state)
 
     (void)state;
     update_begins(&update, now_us);
-    assert_int_equal(ticks(&armed, 30, &after_s), UPDATE_NOTHING);
+    assert_int_equal(ticks(&armed, 29, &after_s), UPDATE_NOTHING);
     update_progress(&update, 0, now_us); /* armed right after the gate */
     assert_int_equal(ticks(&armed, 30, &after_s), UPDATE_STOP);
     assert_int_equal(after_s, 1);
 }
 
-static void lost_while_armed_is_armed_as_long_as_the_update_lasts(void **state)
+/* Twenty octets a second kept the aircraft at "do not fly: update in progress" without end. */
+static void a_slow_server_is_not_waited_for(void **state)
 {
-    const bool yes = true, no = false;
+    int after_s;
+
+    (void)state;
+    update_begins(&update, now_us);
+    assert_int_equal(ticks(&well, 60, &after_s), UPDATE_STOP);
+    assert_int_equal(after_s, 30);
+    assert_true(update.slow);
+    update_ended(&update, now_us);
+
+    written();
+    for (int percent = 0; percent < 20; percent++) {
+        update_progress(&update, percent, now_us);
+        assert_int_equal(ticks(&well, 29, &after_s), UPDATE_NOTHING);
+    }
+    update_progress(&update, 19, now_us); /* the same again is nothing new */
+    assert_int_equal(ticks(&well, 29, &after_s), UPDATE_STOP);
+    assert_int_equal(after_s, 1);
+    update_ended(&update, now_us);
+
+    written();
+    for (int percent = 1; percent <= 21;
+         percent++) { /* 28 s each: 10 minutes are over in the 22nd */
+        update_progress(&update, percent, now_us);
+        assert_int_equal(ticks(&well, 28, &after_s), UPDATE_NOTHING);
+    }
+    update_progress(&update, 22, now_us);
+    assert_int_equal(ticks(&well, 28, &after_s), UPDATE_STOP);
+    assert_int_equal(after_s, 12);
+    assert_true(update.slow);
+}
+
+static void it_can_be_called_off_until_it_is_written(void **state)
+{
+    int after_s;
+
+    (void)state;
+    assert_false(update_cancel(&update));
+    update_begins(&update, now_us);
+    assert_true(update_cancel(&update));
+    assert_int_equal(ticks(&well, 5, &after_s), UPDATE_STOP);
+    assert_int_equal(after_s, 1);
+    assert_string_equal(update.stopped, "It was called off; nothing has changed.");
+    assert_false(update.slow);
+    update_ended(&update, now_us);
+    written();
+    assert_true(update_cancel(&update));
+    update_installed(&update, now_us); /* the mark was faster */
+    assert_null(update.stopped);
+    assert_false(update_cancel(&update));
+}
+
+static void who_does_not_answer_is_not_disarmed(void **state)
+{
+    const struct kept yes = {.armed = KEPT_ARMED}, no = {.armed = KEPT_DISARMED},
+                      unheard = {.armed = KEPT_UNHEARD};
 
     (void)state;
     written();
-    assert_false(update_armed(&update, NULL, false));
-    assert_true(update_armed(&update, NULL, true));
-    assert_true(update_armed(&update, &yes, false));
-    update_progress(&update, 50, now_us);
-    assert_true(update_armed(&update, NULL, false));
-    update_ended(&update, now_us);
-    /* Landed, disarmed, its autopilot switched off; then the bundle once more. */
-    update_begins(&update, now_us);
-    assert_false(update_armed(&update, NULL, false));
-    assert_true(update_armed(&update, &yes, false));
-    assert_false(update_armed(&update, &no, true));
-    assert_false(update_armed(&update, NULL, false));
+    assert_true(update_armed(&update, &yes, true, false));
+    assert_true(update_armed(&update, &yes, false, false));
+    assert_false(update_armed(&update, &no, true, false));
+    assert_false(update_armed(&update, &unheard, true, false));
+    assert_false(
+        update_armed(&update, &no, false, false)); /* it starts again: settings were saved */
+    assert_true(update_armed(&update, NULL, false, false));
+    /* But for the restart somebody has to know. */
+    update_installed(&update, now_us);
+    assert_false(update_armed(&update, &no, true, false));
+    assert_true(update_armed(&update, &no, false, false));
+    assert_true(update_armed(&update, NULL, false, false));
+}
+
+static void a_slot_whose_daemon_never_answers_is_given_up(void **state)
+{
+    const struct kept yes = {.armed = KEPT_ARMED}, no = {.armed = KEPT_DISARMED};
+
+    (void)state;
+    update_try(&update, "1.5.0", now_us);
+    assert_false(update_armed(&update, NULL, false, false));
+    assert_false(update_armed(&update, &no, false, false));
+    assert_true(update_armed(&update, &yes, false, false));
+    update_rolled_back(&update, now_us); /* waits for the restart now */
+    assert_false(update_armed(&update, NULL, false, true));
+    assert_false(update_armed(&update, &no, false, true));
+    assert_true(update_armed(&update, &yes, false, true));
 }
 
 static void the_restart_waits_until_disarmed(void **state)
@@ -276,7 +347,10 @@ int main(void)
         cmocka_unit_test_setup(percent_and_what_is_left, begin),
         cmocka_unit_test_setup(arming_stops_the_installer_until_it_has_ended, begin),
         cmocka_unit_test_setup(arming_leaves_what_is_checked_to_the_gate, begin),
-        cmocka_unit_test_setup(lost_while_armed_is_armed_as_long_as_the_update_lasts, begin),
+        cmocka_unit_test_setup(a_slow_server_is_not_waited_for, begin),
+        cmocka_unit_test_setup(it_can_be_called_off_until_it_is_written, begin),
+        cmocka_unit_test_setup(who_does_not_answer_is_not_disarmed, begin),
+        cmocka_unit_test_setup(a_slot_whose_daemon_never_answers_is_given_up, begin),
         cmocka_unit_test_setup(the_restart_waits_until_disarmed, begin),
         cmocka_unit_test_setup(a_slot_that_is_well_is_kept_after_20_s, begin),
         cmocka_unit_test_setup(twenty_seconds_in_one_piece, begin),

@@ -39,6 +39,7 @@ static void paths(void **state)
         {"POST", "/api/settings", WEB_SET},
         {"GET", "/api/settings", WEB_WRONG_METHOD},
         {"POST", "/api/update", WEB_UPLOAD},
+        {"DELETE", "/api/update", WEB_CANCEL},
         {"PUT", "/api/update", WEB_WRONG_METHOD},
         {"GET", "/api/flights", WEB_FLIGHTS},
         {"GET", "/api/flights/", WEB_NOWHERE},
@@ -110,7 +111,8 @@ static void only_near_names_are_answered(void **state)
 
 static void foreign_pages_change_nothing(void **state)
 {
-    static const enum web_route changing[] = {WEB_LOGIN, WEB_LOGOUT, WEB_SET, WEB_UPLOAD};
+    static const enum web_route changing[] = {WEB_LOGIN, WEB_LOGOUT, WEB_SET, WEB_UPLOAD,
+                                              WEB_CANCEL};
     static const char *const foreign[] = {
         "http://evil.example", "https://192.168.41.1",     "http://192.168.41.1:8080", "null", "",
         "192.168.41.1",        "http://192.168.41.1.evil", "http://192.168.41.1/",

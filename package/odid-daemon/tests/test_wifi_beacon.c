@@ -181,6 +181,25 @@ static void a_disabled_interface_is_down_and_gets_the_element_again(void **state
     assert_true(loop_until(it_is_in_the_beacon, 1200));
 }
 
+/* It was in the beacons before: what takes its place replaces nothing. */
+static void one_that_is_given_again_does_not_wait(void **state)
+{
+    (void)state;
+    start();
+    assert_true(loop_until(it_is_in_the_beacon, 500));
+    fake.disabled = true;
+    assert_true(loop_until(it_is_down, 1200));
+    fake.set_reply = "FAIL\n";
+    fake.disabled = false;
+    assert_true(loop_until(it_is_lost, 1200));
+    assert_false(wifi_beacon_waits());
+    set(65);
+    assert_true(wifi_beacon_waits());
+    fake.set_reply = "OK\n";
+    assert_true(loop_until(it_is_in_the_beacon, 1200));
+    assert_false(wifi_beacon_waits());
+}
+
 static void a_refused_element_is_told_and_tried_again(void **state)
 {
     (void)state;
@@ -243,6 +262,7 @@ int main(void)
         TEST(a_hostapd_that_restarts_has_the_element_within_a_second),
         TEST(a_hostapd_that_hangs_is_lost_and_asked_again),
         TEST(a_disabled_interface_is_down_and_gets_the_element_again),
+        TEST(one_that_is_given_again_does_not_wait),
         TEST(a_refused_element_is_told_and_tried_again),
         TEST(a_refused_update_is_told_and_tried_again),
         TEST(a_hostapd_that_forgot_is_told_again_after_a_while),

@@ -5,8 +5,14 @@
  * One serial endpoint, up to eight UDP endpoints. What comes in by one goes out by all others, one
  * MAVLink frame a datagram. It routes nothing by system id. It ends, with 1, when the serial port
  * hangs up or vanishes. Sections and keys it knows: [General] (TcpServerPort has to be 0 or absent,
- * the rest is passed over), [UartEndpoint x] Device, Baud; [UdpEndpoint x] Mode, Address, Port;
- * other keys of endpoints are passed over, other sections are refused. */
+ * the rest is passed over), [UartEndpoint x] Device, Baud; [UdpEndpoint x] Mode, Address, Port,
+ * AllowSrcCompIn, BlockSrcCompIn, BlockSrcSysIn; other keys of endpoints are passed over, other
+ * sections are refused.
+ *
+ * As mavlink-router's version 4 does (src/endpoint.cpp: read_msg, allowed_by_incoming_filters): a
+ * frame ends where its length says, also one with flags that nobody knows; it is passed on whole;
+ * the filters hold for frames of any message, known or not. Not as it: checksums of known messages
+ * aren't looked at. */
 
 #include <arpa/inet.h>
 #include <errno.h>
@@ -31,6 +37,8 @@ struct udp {
     int port;
     int fd;
     struct sockaddr_in peer; /* sin_port 0: none yet */
+    bool only_listed;        /* AllowSrcCompIn is set */
+    bool allowed_component[256], blocked_component[256], blocked_system[256];
 };
 
 static char device[256];
@@ -71,6 +79,16 @@ static int number(const char *text, int min, int max)
     return (int)value;
 }
 
+/* A list of numbers, separated by commas. */
+static void set_list(bool list[256], const char *text)
+{
+    while (text != NULL) {
+        list[number(text, 0, 255)] = true;
+        text = strchr(text, ',');
+        text = text != NULL ? text + 1 : NULL;
+    }
+}
+
 enum section { GENERAL, UART, UDP };
 
 static enum section open_section(char *name)
@@ -96,6 +114,13 @@ static void set_key(enum section section, const char *key, const char *value)
         copy(device, sizeof(device), value);
     else if (section == UART && strcasecmp(key, "Baud") == 0)
         baud = number(value, 1, 4000000);
+    else if (section == UDP && strcasecmp(key, "AllowSrcCompIn") == 0) {
+        udp->only_listed = true;
+        set_list(udp->allowed_component, value);
+    } else if (section == UDP && strcasecmp(key, "BlockSrcCompIn") == 0)
+        set_list(udp->blocked_component, value);
+    else if (section == UDP && strcasecmp(key, "BlockSrcSysIn") == 0)
+        set_list(udp->blocked_system, value);
     else if (section == UDP && strcasecmp(key, "Mode") == 0) {
         if (strcasecmp(value, "Normal") != 0 && strcasecmp(value, "Server") != 0)
             die(value, "Mode: Normal or Server expected");
@@ -236,6 +261,22 @@ static void from_uart(void)
     memmove(buffer, buffer + at, have);
 }
 
+static bool may_enter(const struct udp *udp, const unsigned char *frame)
+{
+    int system = frame[0] == 0xFE ? frame[3] : frame[5];
+    int component = frame[0] == 0xFE ? frame[4] : frame[6];
+
+    return !(udp->only_listed && !udp->allowed_component[component]) &&
+           !udp->blocked_component[component] && !udp->blocked_system[system];
+}
+
+static void pass_on(const struct udp *from, const unsigned char *frame, size_t length)
+{
+    if (write(uart, frame, length) < 0 && errno != EAGAIN && errno != EINTR)
+        die(device, strerror(errno));
+    send_udp(from, frame, length);
+}
+
 static void from_udp(struct udp *udp)
 {
     unsigned char data[BUFFER];
@@ -246,9 +287,19 @@ static void from_udp(struct udp *udp)
         return; /* ECONNREFUSED of an earlier datagram, or nothing after all */
     if (udp->server)
         udp->peer = sender;
-    if (write(uart, data, (size_t)got) < 0 && errno != EAGAIN && errno != EINTR)
-        die(device, strerror(errno));
-    send_udp(udp, data, (size_t)got);
+    size_t at = 0, have = (size_t)got;
+    while (at < have) {
+        if (data[at] != 0xFE && data[at] != 0xFD) {
+            at++;
+            continue;
+        }
+        size_t length = frame_length(data + at, have - at);
+        if (length == 0 || length > have - at)
+            break;
+        if (may_enter(udp, data + at))
+            pass_on(udp, data + at, length);
+        at += length;
+    }
 }
 
 static void relay(void)

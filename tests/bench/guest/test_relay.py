@@ -1,8 +1,10 @@
-"""The relay that stands in for mavlink-router, on this machine: a pty is its serial port."""
+"""The relay that stands in for mavlink-router, on this machine: a pty is its serial port. What it lets pass is held
+against mavlink-router itself where that is installed, or MAVLINK_ROUTERD names it."""
 
 import os
 import pty
 import select
+import shutil
 import socket
 import subprocess
 import time
@@ -10,7 +12,10 @@ import tty
 from pathlib import Path
 
 import pytest
-from patience import LIMIT_S
+from patience import LIMIT_S, wait_for
+
+os.environ.setdefault("MAVLINK20", "1")
+from pymavlink.dialects.v20 import common  # noqa: E402
 
 SOURCE = Path(__file__).with_name("relay.c")
 # A MAVLink 1 and a MAVLink 2 frame (signed: 13 octets more); what is inside doesn't matter here.
@@ -26,10 +31,18 @@ def compiled(tmp_path_factory):
     return program
 
 
+def drained(peer, until):
+    """What a peer heard, up to that frame."""
+    heard = b""
+    while until not in heard:
+        heard += peer.recv(2000)
+    return heard[:heard.index(until)]
+
+
 class Line:
     """The relay between a serial line and two UDP peers of this test."""
 
-    def __init__(self, relay, folder, extra=()):
+    def __init__(self, relay, folder, extra=(), keys=("", "")):
         self.master, self.slave = pty.openpty()
         tty.setraw(self.slave)
         device = os.ttyname(self.slave)
@@ -38,18 +51,42 @@ class Line:
             peer.bind(("127.0.0.1", 0))
             peer.settimeout(LIMIT_S)
         endpoints = "\n".join(
-            f"[UdpEndpoint peer{at}]\nMode = Normal\nAddress = 127.0.0.1\nPort = {peer.getsockname()[1]}"
+            f"[UdpEndpoint peer{at}]\nMode = Normal\nAddress = 127.0.0.1\nPort = {peer.getsockname()[1]}\n{keys[at]}"
             for at, peer in enumerate(self.peers))
         configuration = folder / "main.conf"
         configuration.write_text(
             f"# as mavlink-router's\n[General]\nTcpServerPort = 0\nReportStats = false\n\n"
             f"[UartEndpoint autopilot]\nDevice = {device}\nBaud = 921600,115200\n\n{endpoints}\n")
-        self.process = subprocess.Popen([relay, "-c", configuration, *extra], stderr=subprocess.PIPE)
-        assert b"2 UDP endpoints" in self.process.stderr.readline()
+        # The real one reads further files from a folder, the machine's own by default.
+        if Path(relay).name != "relay":
+            extra = ("-d", folder / "none", *extra)
+        self.said = open(folder / "said", "w+b")
+        self.process = subprocess.Popen([relay, "-c", configuration, *extra], stdout=self.said, stderr=self.said)
+        self.addresses()
+
+    def addresses(self):
+        """Where each peer's telemetry comes from; it is up when all hear the autopilot."""
+        found = {}
+
+        def all_heard():
+            assert self.process.poll() is None
+            os.write(self.master, heartbeat((9, 9)))
+            for number, peer in enumerate(self.peers):
+                if select.select([peer], [], [], 0.05)[0]:  # nothing comes
+                    found[number] = peer.recvfrom(2000)[1]
+            return len(found) == len(self.peers)
+        wait_for("each peer to hear the autopilot", all_heard)
+        last = heartbeat((9, 9), number=200)    # behind all that was said for that
+        os.write(self.master, last)
+        for peer in self.peers:
+            peer.settimeout(LIMIT_S)
+            drained(peer, last)
+        return [found[number] for number in range(len(self.peers))]
 
     def close(self):
         self.process.kill()
         self.process.wait()
+        self.said.close()
         for one in (self.master, self.slave):
             try:
                 os.close(one)
@@ -88,6 +125,82 @@ def test_an_answer_goes_to_the_line_and_the_other_peer(line):
         line.peers[0].recv(1000)        # not back to who sent it
 
 
+def frame(system, component, flags=0, content=b"de"):
+    return bytes([0xFD, len(content), flags, 0, 0, system, component, 0xFD, 0xFD, 0xFD]) + content + b"xx"
+
+
+def test_a_peer_may_be_kept_from_speaking_as_others(relay, tmp_path):
+    only = Line(relay, tmp_path, keys=("BlockSrcSysIn = 1\nBlockSrcCompIn = 1", "AllowSrcCompIn = 236"))
+    try:
+        os.write(only.master, FRAME1)
+        addresses = [peer.recvfrom(1000)[1] for peer in only.peers]
+        let_in = frame(255, 190, flags=2, content=b"\xfd" * 255)
+        only.peers[0].sendto(frame(1, 190) + frame(7, 1) + FRAME1 + let_in, addresses[0])
+        assert only.peers[1].recv(1000) == let_in  # and nothing before it
+        only.peers[1].sendto(frame(1, 1) + frame(1, 236), addresses[1])
+        assert only.peers[0].recv(1000) == frame(1, 236)
+    finally:
+        only.close()
+
+
+# --- the rules, the relay's and mavlink-router's -------------------------------------------
+
+REAL = os.environ.get("MAVLINK_ROUTERD") or shutil.which("mavlink-routerd")
+VEHICLE, STATION, FOREIGN, TRANSMITTER = (1, 1), (255, 190), (7, 1), (1, 236)
+
+
+def heartbeat(who, version=2, number=0):
+    link = common.MAVLink(None, srcSystem=who[0], srcComponent=who[1])
+    link.seq = number
+    return common.MAVLink_heartbeat_message(1, 3, 1, 0, 4, 3).pack(link, force_mavlink1=version == 1)
+
+
+def crafted(who, flags=2, message=0xFDFDFD):
+    """A header that says 255 octets of a message nobody knows, with a flag nobody knows."""
+    return bytes([0xFD, 255, flags, 0, 0, *who, *message.to_bytes(3, "little")]) + b"\xfd" * 257
+
+
+# What a peer says, and whether it passes where the vehicle's system and component 1 are blocked, and where only
+# component 236 is allowed.
+RULES = {
+    "the station's word": (heartbeat(STATION), True, False),
+    "in MAVLink 1": (heartbeat(STATION, version=1), True, False),
+    "as the vehicle": (heartbeat(VEHICLE), False, False),
+    "as the vehicle, in MAVLink 1": (heartbeat(VEHICLE, version=1), False, False),
+    "as its transmitter": (heartbeat(TRANSMITTER), False, True),
+    "as another autopilot": (heartbeat(FOREIGN), False, False),
+    "a message that nobody knows": (crafted(STATION, flags=0), True, False),
+    "a flag that nobody knows": (crafted(STATION), True, False),
+    "the same as the vehicle": (crafted(VEHICLE), False, False),
+    "the same as its transmitter": (crafted(TRANSMITTER), False, True),
+}
+
+
+@pytest.fixture(scope="module", name="program", params=["relay", "mavlink-router"])
+def either(request):
+    if request.param == "relay":
+        return request.getfixturevalue("relay")
+    if not REAL:
+        pytest.skip("mavlink-router isn't installed, and MAVLINK_ROUTERD=<program> names none")
+    return Path(REAL)
+
+
+def test_what_each_side_may_say(program, tmp_path):
+    line = Line(program, tmp_path, keys=("BlockSrcSysIn = 1\nBlockSrcCompIn = 1\n", "AllowSrcCompIn = 236\n"))
+    try:
+        addresses = line.addresses()
+        for number, (what, (octets, *passes)) in enumerate(RULES.items(), 1):
+            for speaker, listener, wanted in ((0, 1, passes[0]), (1, 0, passes[1])):
+                # It always passes: what came before it has been decided.
+                mark = heartbeat((STATION, TRANSMITTER)[speaker], number=number)
+                line.peers[speaker].sendto(octets, addresses[speaker])
+                line.peers[speaker].sendto(mark, addresses[speaker])
+                heard = drained(line.peers[listener], mark)
+                assert (octets in heard) == wanted, (what, f"from peer {speaker}")
+    finally:
+        line.close()
+
+
 def test_a_peer_that_is_not_there_costs_nothing(line):
     line.peers[1].close()
     for _ in range(5):
@@ -101,7 +214,8 @@ def test_it_ends_when_the_line_hangs_up(line):
     os.close(line.slave)
     os.close(line.master)
     assert line.process.wait(LIMIT_S) == 1
-    assert b"/dev/pts/" in line.process.stderr.read()
+    line.said.seek(0)
+    assert b"/dev/pts/" in line.said.read()
 
 
 @pytest.mark.parametrize("text, said", [

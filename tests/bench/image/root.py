@@ -76,10 +76,23 @@ def put_libraries(root, sysroot, programs):
 def put_library(root, sysroot, name, why):
     for folder in LIBRARY_FOLDERS:
         source = sysroot / folder / name
+        if source.exists() and name.startswith("libicudata."):
+            return without_contents(source.resolve(), root / "lib" / name)
         if source.exists():
             put(source.resolve(), root / "lib" / name)
             return root / "lib" / name
     raise BuildError(f"{name}, needed by {why}, is in none of the packages of {CONTENTS}")
+
+
+def without_contents(source, target):
+    """ICU's tables, 30 MB for XML in other encodings: libarchive's, for archives of Apple's. Their symbol stays."""
+    (name,) = re.findall(r"\bicudt\d+_dat$", call(f"{CROSS}nm", "-D", "--defined-only", source), re.M)
+    program = target.with_suffix(".c")
+    write(program, f"const double {name}[2];\n")
+    call(f"{CROSS}gcc", "-shared", "-fPIC", "-nostdlib", "-Wl,--build-id=none", f"-Wl,-soname,{target.name}",
+         "-o", target, program)
+    program.unlink()
+    return target
 
 
 def put_busybox(root, busybox):
@@ -212,7 +225,8 @@ def cpio(tree):
 @step
 def slot(out, root):
     """Slot made."""
+    # U-Boot's zstd takes 3 s of each start for Debian's kernel on an emulated processor.
     call("mksquashfs", root, out / "slot.img", "-comp", "zstd", "-Xcompression-level", "9",
-         "-b", "64K", "-all-root", "-no-xattrs", "-no-exports", "-all-time", EPOCH,
+         "-action", "uncompressed@name(Image)", "-b", "64K", "-all-root", "-no-xattrs", "-no-exports", "-all-time", EPOCH,
          "-mkfs-time", EPOCH, "-noappend", "-no-progress", "-quiet", env=ENVIRONMENT)
     call(SEAL, out / "slot.img")

@@ -6,20 +6,27 @@
  *     fault spin PID               the process goes round in one instruction from now on
  *     fault hog MEGABYTES SECONDS  four processes that spin, and one that takes memory, and again
  *                                  when the kernel has killed it
- *     fault radio-remove ID        takes a mac80211_hwsim radio away
- *     fault radio-create MAC       adds one with this address */
+ *     fault flood SOCKET UID GID PROCESSES SECONDS  so many processes of that user connect to a
+ *                                  UNIX socket, again and again; prints how often they could
+ *     fault say UID GID PORT HEX COUNT  that user sends so many datagrams to a port of this
+ * machine, 10 ms apart; prints how many the kernel took fault radio-remove ID        takes a
+ * mac80211_hwsim radio away fault radio-create MAC       adds one with this address */
 
 #include <errno.h>
+#include <grp.h>
 #include <linux/genetlink.h>
 #include <linux/netlink.h>
+#include <netinet/in.h>
 #include <signal.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <sys/ptrace.h>
 #include <sys/socket.h>
 #include <sys/uio.h>
+#include <sys/un.h>
 #include <sys/wait.h>
 #include <time.h>
 #include <unistd.h>
@@ -161,6 +168,83 @@ static void hog(size_t megabytes, unsigned seconds)
         ;
 }
 
+/* --- a flood of connections ------------------------------------------------------ */
+
+static void become(uid_t uid, gid_t gid)
+{
+    if (setgroups(0, NULL) < 0 || setgid(gid) < 0 || setuid(uid) < 0)
+        die("another user");
+}
+
+static void connect_again_and_again(const char *path, uid_t uid, gid_t gid, unsigned seconds,
+                                    unsigned *connected)
+{
+    struct sockaddr_un address = {.sun_family = AF_UNIX};
+    strncpy(address.sun_path, path, sizeof(address.sun_path) - 1);
+    become(uid, gid);
+    for (time_t end = monotonic_s() + seconds; monotonic_s() < end;) {
+        int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK, 0);
+        if (fd >= 0 && connect(fd, (struct sockaddr *)&address, sizeof(address)) == 0)
+            __atomic_fetch_add(connected, 1, __ATOMIC_RELAXED);
+        close(fd);
+    }
+    exit(0);
+}
+
+static void flood(const char *path, uid_t uid, gid_t gid, unsigned processes, unsigned seconds)
+{
+    unsigned *connected =
+        mmap(NULL, sizeof(*connected), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    for (unsigned i = 0; i < processes; i++)
+        if (fork() == 0)
+            connect_again_and_again(path, uid, gid, seconds, connected);
+    while (wait(NULL) > 0)
+        ;
+    printf("%u\n", *connected);
+}
+
+/* --- datagrams of a local process ------------------------------------------------- */
+
+static void say(uid_t uid, gid_t gid, uint16_t port, const char *hex, unsigned count)
+{
+    struct sockaddr_in to = {
+        .sin_family = AF_INET, .sin_port = htons(port), .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
+    unsigned char octets[1024];
+    size_t length = 0;
+    unsigned taken = 0;
+    int fd;
+
+    become(uid, gid);
+    fd = socket(AF_INET, SOCK_DGRAM, 0); /* whose a socket is, it keeps from its making */
+    while (length < sizeof(octets) && sscanf(hex + 2 * length, "%2hhx", &octets[length]) == 1)
+        length++;
+    for (unsigned i = 0; i < count; i++) {
+        taken +=
+            sendto(fd, octets, length, 0, (struct sockaddr *)&to, sizeof(to)) == (ssize_t)length;
+        usleep(10000);
+    }
+    printf("%u\n", taken);
+}
+
+/* --- SWUpdate's notifier (its struct is in no header) ------------------------------ */
+
+static void notice(uid_t uid, gid_t gid, int status)
+{
+    struct {
+        int status, error, level;
+        char text[2048];
+    } message = {.status = status};
+    static const char name[] = "NotifyServer"; /* behind a zero: a name without a file */
+    struct sockaddr_un to = {.sun_family = AF_UNIX};
+    int fd = socket(AF_UNIX, SOCK_DGRAM, 0);
+
+    become(uid, gid);
+    memcpy(to.sun_path + 1, name, sizeof(name) - 1);
+    /* All of the address is its name. */
+    if (sendto(fd, &message, sizeof(message), 0, (struct sockaddr *)&to, sizeof(to)) < 0)
+        die(name);
+}
+
 /* --- mac80211_hwsim's netlink interface (its header isn't exported) ------------ */
 
 enum { NEW_RADIO = 4, DELETE_RADIO = 5 };
@@ -245,6 +329,14 @@ int main(int argc, char **argv)
         spin(atoi(argv[2]));
     } else if (strcmp(what, "hog") == 0 && argc == 4) {
         hog((size_t)atoi(argv[2]), (unsigned)atoi(argv[3]));
+    } else if (strcmp(what, "flood") == 0 && argc == 7) {
+        flood(argv[2], (uid_t)atoi(argv[3]), (gid_t)atoi(argv[4]), (unsigned)atoi(argv[5]),
+              (unsigned)atoi(argv[6]));
+    } else if (strcmp(what, "say") == 0 && argc == 7) {
+        say((uid_t)atoi(argv[2]), (gid_t)atoi(argv[3]), (uint16_t)atoi(argv[4]), argv[5],
+            (unsigned)atoi(argv[6]));
+    } else if (strcmp(what, "notice") == 0 && argc == 5) {
+        notice((uid_t)atoi(argv[2]), (gid_t)atoi(argv[3]), atoi(argv[4]));
     } else if (strcmp(what, "radio-remove") == 0) {
         uint32_t id = (uint32_t)atoi(argv[2]);
         radio(DELETE_RADIO, ATTRIBUTE_RADIO_ID, &id, sizeof(id));

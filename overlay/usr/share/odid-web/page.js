@@ -336,6 +336,7 @@ function left(percent, seconds) {
 }
 
 const busyStates = ["checking", "installing", "waiting-for-reboot"];
+const cancellable = ["checking", "installing"];
 
 function showUpdate(answer) {
   const update = answer.update || { state: "idle" };
@@ -346,6 +347,7 @@ function showUpdate(answer) {
     showProgress(update.sentence || "Installing", update.percent, left(update.percent, update.seconds_left));
   }
   if (upload && busy) upload.quiet = performance.now();
+  $("cancel").hidden = !(upload && !upload.sent) && !cancellable.includes(update.state);
   if (upload && !upload.sent) {
     upload.installing = busy && update.percent !== null;
     // Refused while it is still being sent: the sentence is there before the last octet is.
@@ -432,6 +434,19 @@ function install(event) {
   $("bundle").disabled = true;
   $("update-form").querySelector("button").disabled = true;
   showProgress("Sending to the aircraft", 0, "");
+}
+
+// What isn't sent yet ends with the sending; else, and whoever gave it, the aircraft is asked.
+async function cancel() {
+  if (upload && !upload.sent) {
+    endUpload("", "Sending was cancelled. A file that arrived by half isn't installed.");
+    return;
+  }
+  try {
+    await ask("DELETE", "api/update");
+  } catch (error) {
+    say($("update-said"), "bad", sentenceOf(error));
+  }
 }
 
 // ---- flight records ----
@@ -545,6 +560,6 @@ $("update-form").addEventListener("submit", install);
 $("bundle").addEventListener("change", () => {
   $("update-form").querySelector("button").disabled = upload !== null || !$("bundle").files.length;
 });
-$("cancel").addEventListener("click", () => endUpload("", "Sending was cancelled. A file that arrived by half isn't installed."));
+$("cancel").addEventListener("click", cancel);
 $("flights-show").addEventListener("click", showFlights);
 poll();

@@ -1,0 +1,133 @@
+#include "asking.h"
+
+#include <common/mavlink.h>
+#include <string.h>
+
+/* An answer that takes longer is none. */
+#define ANSWER_US 1000000
+/* What comes of itself comes within this time. */
+#define SETTLE_US 2000000
+#define AGAIN_US 3000000
+#define AGAIN_MAX_US 48000000
+/* So much slower than it was asked for is as often as needed. */
+#define SLOWER(interval_us) ((interval_us)*13 / 10)
+#define MISSED 3
+#define VITAL 2 /* the first ones of those that are needed */
+#define REFUSALS 2
+
+static const struct {
+    enum telemetry_kind kind;
+    struct asking_request request;
+} needed[ASKING_MESSAGES] = {
+    {TELEMETRY_GPS_RAW, {MAVLINK_MSG_ID_GPS_RAW_INT, 1000000}}, /* no position counts without */
+    {TELEMETRY_GLOBAL_POSITION, {MAVLINK_MSG_ID_GLOBAL_POSITION_INT, 200000}},
+    {TELEMETRY_SYSTEM_TIME, {MAVLINK_MSG_ID_SYSTEM_TIME, 1000000}},
+    {TELEMETRY_LANDED_STATE, {MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 1000000}},
+    {TELEMETRY_HOME, {MAVLINK_MSG_ID_HOME_POSITION, 1000000}},
+};
+
+void asking_begin(struct asking *asking, int64_t now_us)
+{
+    memset(asking, 0, sizeof(*asking));
+    asking->asked = -1;
+    for (unsigned i = 0; i < ASKING_MESSAGES; i++) {
+        asking->message[i].heard_us = INT64_MIN;
+        asking->message[i].from_us = now_us + SETTLE_US;
+        asking->message[i].wait_us = AGAIN_US;
+    }
+}
+
+/* An answer doesn't say to what; it may be to another station's command, or a late one. */
+static bool is_refused(const struct asking *asking, unsigned which)
+{
+    return asking->message[which].refusals >= REFUSALS;
+}
+
+/* What no position counts without is asked for all the same. */
+static bool is_given_up(const struct asking *asking, unsigned which)
+{
+    return which >= VITAL && is_refused(asking, which);
+}
+
+static void take_answer(struct asking *asking, const struct telemetry_update *update)
+{
+    if (asking->asked < 0 || update->command_ack.command != MAV_CMD_SET_MESSAGE_INTERVAL) {
+        return;
+    }
+    if (update->command_ack.result == MAV_RESULT_DENIED ||
+        update->command_ack.result == MAV_RESULT_UNSUPPORTED) {
+        asking->message[asking->asked].refusals++;
+    }
+    asking->asked = -1;
+}
+
+static void measure(struct asking_message *message, int64_t now_us)
+{
+    if (message->heard_us != INT64_MIN) {
+        int64_t interval_us = now_us - message->heard_us;
+
+        message->mean_us +=
+            message->mean_us == 0 ? interval_us : (interval_us - message->mean_us) / 4;
+    }
+    message->heard_us = now_us;
+}
+
+void asking_heard(struct asking *asking, const struct telemetry_update *update, int64_t now_us)
+{
+    if (update->kind == TELEMETRY_COMMAND_ACK) {
+        take_answer(asking, update);
+        return;
+    }
+    for (unsigned i = 0; i < ASKING_MESSAGES; i++) {
+        struct asking_message *message = &asking->message[i];
+
+        if (needed[i].kind == update->kind) {
+            measure(message, now_us);
+        }
+    }
+}
+
+static bool comes(const struct asking_message *message, const struct asking_request *request,
+                  int64_t now_us)
+{
+    return message->mean_us != 0 && message->mean_us <= SLOWER((int64_t)request->interval_us) &&
+           now_us - message->heard_us <= MISSED * (int64_t)request->interval_us;
+}
+
+bool asking_next(struct asking *asking, int64_t now_us, struct asking_request *request)
+{
+    if (asking->asked >= 0 && now_us - asking->asked_us < ANSWER_US) {
+        return false;
+    }
+    asking->asked = -1;
+    for (int i = 0; i < ASKING_MESSAGES; i++) {
+        struct asking_message *message = &asking->message[i];
+
+        if (comes(message, &needed[i].request, now_us)) {
+            message->wait_us = AGAIN_US;
+        } else if (!is_given_up(asking, (unsigned)i) && now_us >= message->from_us &&
+                   asking->asked < 0) {
+            *request = needed[i].request;
+            asking->asked = i;
+            asking->asked_us = now_us;
+            message->from_us = now_us + message->wait_us;
+            message->wait_us *= message->wait_us < AGAIN_MAX_US ? 2 : 1;
+            message->heard_us = INT64_MIN; /* measured anew */
+            message->mean_us = 0;
+        }
+    }
+    return asking->asked >= 0;
+}
+
+unsigned asking_refused(const struct asking *asking, int64_t now_us,
+                        uint16_t message_ids[ASKING_MESSAGES])
+{
+    unsigned count = 0;
+
+    for (unsigned i = 0; i < ASKING_MESSAGES; i++) {
+        if (is_refused(asking, i) && !comes(&asking->message[i], &needed[i].request, now_us)) {
+            message_ids[count++] = needed[i].request.message_id;
+        }
+    }
+    return count;
+}

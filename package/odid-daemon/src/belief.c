@@ -1,0 +1,279 @@
+#include "belief.h"
+
+#include <math.h>
+#include <string.h>
+
+#define PATIENCE_MIN_US 1000000
+#define PATIENCE_MAX_US 5000000
+#define PATIENCE_INTERVALS 3
+
+/* A message that was overtaken on the way is no other clock's; positions that old aren't taken. */
+#define BEHIND_MS (-1000)
+#define NATIVE_BEHIND_MS (-3000)
+#define HOUR_MS 3600000
+/* No message comes before it was sent, but for what clocks drift (100 ppm); the least delay that
+ * was seen is not the least that there is, and a recorded flight was refused for being 70 ms ahead
+ * of it ... */
+#define AHEAD_US 300000
+#define DRIFT 1e-4
+/* ... and until the least delay is known: what was held up on the way comes at the beginning. */
+#define SETTLED_US 2000000
+#define UNSETTLED_AHEAD_US 1000000
+
+/* The fastest that Remote ID knows, and what an estimator may jump; delays differ. */
+#define SPEED_MAX_MPS 254.25
+#define JUMP_MAX_M 30.0
+#define DELAY_S 0.2
+#define METRES_PER_DEGREE 111320.0
+#define ZERO_M 1000.0 /* so near to 0,0 only an estimator is, that has no fix */
+#define FIX_TYPE_2D 2 /* GPS_FIX_TYPE */
+/* Another place is confirmed by one that comes within this time, and was flown to from there. */
+#define CONFIRMED_US 15000000
+
+#define UTC_STEP_MAX_US 1000000
+#define SEQUENCE_FRESH_US 100000
+#define YEAR_2019_US UINT64_C(1546300800000000) /* Remote ID's time begins */
+#define YEAR_2100_US UINT64_C(4102444800000000)
+
+void belief_reset(struct belief *belief)
+{
+    uint64_t contradictions = belief->contradictions;
+
+    memset(belief, 0, sizeof(*belief));
+    belief->contradictions = contradictions;
+    for (unsigned i = 0; i < BELIEF_FAULT_COUNT; i++) {
+        belief->contradicted_us[i] = INT64_MIN;
+    }
+}
+
+static void contradict(struct belief *belief, int64_t now_us)
+{
+    belief->contradicted_us[belief->contradictions % BELIEF_FAULT_COUNT] = now_us;
+    belief->contradictions++;
+}
+
+bool belief_contradicted(const struct belief *belief, int64_t now_us)
+{
+    for (unsigned i = 0; i < BELIEF_FAULT_COUNT; i++) {
+        int64_t at_us = belief->contradicted_us[i];
+
+        if (at_us == INT64_MIN || now_us - at_us >= BELIEF_FAULT_US) {
+            return false;
+        }
+    }
+    return true;
+}
+
+static bool patient(const struct belief_track *track, int64_t now_us)
+{
+    int64_t patience_us = PATIENCE_INTERVALS * track->interval_us;
+
+    if (patience_us < PATIENCE_MIN_US) {
+        patience_us = PATIENCE_MIN_US;
+    } else if (patience_us > PATIENCE_MAX_US) {
+        patience_us = PATIENCE_MAX_US;
+    }
+    return now_us - track->heard_us < patience_us;
+}
+
+enum word { CONTINUED, ANOTHER, REFUSED };
+
+/* fits: the word continues what is believed. ANOTHER: it is what is believed from now on. */
+static enum word hear(struct belief *belief, struct belief_track *track, bool fits, int64_t now_us)
+{
+    bool another = !track->known || !fits;
+
+    if (track->known && !fits && patient(track, now_us)) {
+        track->other_seen = true;
+        return REFUSED;
+    }
+    if (!another) {
+        if (track->other_seen) { /* there it is again: both go on */
+            contradict(belief, now_us);
+        }
+        track->interval_us += (now_us - track->heard_us - track->interval_us) / 4;
+    }
+    track->known = true;
+    track->other_seen = false;
+    track->heard_us = now_us;
+    return another ? ANOTHER : CONTINUED;
+}
+
+/* ---- clocks ---- */
+
+/* wrap_ms: 0 for 2^32. */
+static int64_t clock_step_ms(const struct belief_clock *clock, uint32_t at_ms, int32_t wrap_ms)
+{
+    int64_t step_ms;
+
+    if (wrap_ms == 0) {
+        return (int32_t)(at_ms - clock->last_ms);
+    }
+    step_ms = ((int64_t)at_ms - clock->last_ms) % wrap_ms;
+    step_ms += step_ms < -wrap_ms / 2 ? wrap_ms : 0;
+    return step_ms > wrap_ms / 2 ? step_ms - wrap_ms : step_ms;
+}
+
+static bool clock_fits(const struct belief_clock *clock, int64_t step_ms, int32_t wrap_ms,
+                       int64_t now_us)
+{
+    int64_t delay_us = now_us - (clock->last_us + step_ms * 1000) - clock->offset_us;
+    int64_t ahead_us = AHEAD_US;
+
+    if (now_us - clock->since_us < SETTLED_US) {
+        ahead_us = UNSETTLED_AHEAD_US;
+    }
+    ahead_us += (int64_t)((double)(now_us - clock->track.heard_us) * DRIFT);
+    return step_ms >= (wrap_ms == 0 ? BEHIND_MS : NATIVE_BEHIND_MS) && delay_us >= -ahead_us;
+}
+
+static bool hear_clock(struct belief *belief, struct belief_clock *clock, uint32_t at_ms,
+                       int32_t wrap_ms, int64_t now_us)
+{
+    int64_t step_ms = clock_step_ms(clock, at_ms, wrap_ms);
+    bool fits = clock->track.known && clock_fits(clock, step_ms, wrap_ms, now_us);
+    int64_t before_us = clock->track.heard_us, offset_us;
+
+    switch (hear(belief, &clock->track, fits, now_us)) {
+    case REFUSED:
+        return false;
+    case ANOTHER:
+        clock->last_us = (int64_t)at_ms * 1000;
+        clock->offset_us = now_us - clock->last_us;
+        clock->since_us = now_us;
+        break;
+    case CONTINUED:
+        clock->last_us += step_ms * 1000;
+        offset_us = now_us - clock->last_us;
+        clock->offset_us += (int64_t)((double)(now_us - before_us) * DRIFT);
+        clock->offset_us = offset_us < clock->offset_us ? offset_us : clock->offset_us;
+        break;
+    }
+    clock->last_ms = at_ms;
+    return true;
+}
+
+/* ---- places ---- */
+
+static double distance_m(const struct belief_place *a, const struct belief_place *b)
+{
+    double east_deg =
+        remainder(b->longitude_deg - a->longitude_deg, 360) * cos(b->latitude_deg * M_PI / 180);
+
+    return hypot(b->latitude_deg - a->latitude_deg, east_deg) * METRES_PER_DEGREE;
+}
+
+static bool can_fly(const struct belief_place *from, const struct belief_place *to)
+{
+    double time_s = (double)(to->at_us - from->at_us) * 1e-6 + DELAY_S;
+
+    return distance_m(from, to) <= JUMP_MAX_M + SPEED_MAX_MPS * time_s;
+}
+
+/* Was it said before, about there? */
+static bool confirmed(struct belief *belief, const struct belief_place *place)
+{
+    struct belief_place before = belief->another;
+
+    belief->another = *place;
+    return before.at_us != 0 && place->at_us - before.at_us < CONFIRMED_US &&
+           can_fly(&before, place);
+}
+
+static bool hear_place(struct belief *belief, double latitude_deg, double longitude_deg,
+                       int64_t now_us)
+{
+    struct belief_place place = {latitude_deg, longitude_deg, now_us};
+    struct belief_track *track = &belief->place;
+    bool fits;
+
+    if (isnan(latitude_deg) || belief->no_fix ||
+        hypot(latitude_deg, longitude_deg) * METRES_PER_DEGREE < ZERO_M) {
+        return true; /* it says nothing of where it is */
+    }
+    fits = track->known && can_fly(&belief->at, &place);
+    if (track->known && !fits && !confirmed(belief, &place)) {
+        track->other_seen = true;
+        return false;
+    }
+    if (hear(belief, track, fits, now_us) == REFUSED) {
+        return false;
+    }
+    belief->at = place;
+    return true;
+}
+
+/* ---- UTC ---- */
+
+static bool hear_utc(struct belief *belief, uint64_t unix_us, uint32_t boot_ms, int64_t now_us)
+{
+    int64_t offset_us, step_us;
+
+    if (unix_us < YEAR_2019_US || unix_us > YEAR_2100_US || belief->no_fix) {
+        return true; /* it says nothing of UTC */
+    }
+    offset_us = (int64_t)unix_us - (int64_t)boot_ms * 1000;
+    step_us = offset_us - belief->utc_offset_us;
+    if (hear(belief, &belief->utc,
+             belief->utc.known && step_us >= -UTC_STEP_MAX_US && step_us <= UTC_STEP_MAX_US,
+             now_us) == REFUSED) {
+        return false;
+    }
+    belief->utc_offset_us = offset_us;
+    return true;
+}
+
+/* What an autopilot without a fix says of place and time is nobody's word: its own next one would
+ * contradict it. */
+static void hear_fix(struct belief *belief, uint8_t fix_type)
+{
+    belief->no_fix = fix_type < FIX_TYPE_2D;
+    if (belief->no_fix) {
+        belief->utc.known = false;
+    }
+}
+
+/* ---- all of it ---- */
+
+bool belief_take(struct belief *belief, const struct telemetry_update *update, int64_t now_us)
+{
+    switch (update->kind) {
+    case TELEMETRY_GLOBAL_POSITION:
+        return hear_clock(belief, &belief->boot, update->global_position.boot_ms, 0, now_us) &&
+               hear_place(belief, update->global_position.latitude_deg,
+                          update->global_position.longitude_deg, now_us);
+    case TELEMETRY_SYSTEM_TIME:
+        return hear_clock(belief, &belief->boot, update->system_time.boot_ms, 0, now_us) &&
+               hear_utc(belief, update->system_time.unix_us, update->system_time.boot_ms, now_us);
+    case TELEMETRY_GPS_RAW:
+        hear_fix(belief, update->gps_raw.fix_type);
+        return true;
+    case TELEMETRY_LOCATION:
+        return (isnan(update->location.timestamp_s) ||
+                hear_clock(belief, &belief->native, (uint32_t)(update->location.timestamp_s * 1000),
+                           HOUR_MS, now_us)) &&
+               hear_place(belief, update->location.latitude_deg, update->location.longitude_deg,
+                          now_us);
+    default:
+        return true;
+    }
+}
+
+void belief_sequence(struct belief *belief, uint8_t sequence, uint16_t checksum, int64_t now_us)
+{
+    uint8_t step = (uint8_t)(sequence - belief->sequence);
+
+    if (belief->sequence_known && now_us - belief->sequence_us < SEQUENCE_FRESH_US &&
+        (step == 0 ? checksum != belief->checksum : step > INT8_MAX)) {
+        contradict(belief, now_us);
+    }
+    belief->sequence_known = true;
+    belief->sequence = sequence;
+    belief->checksum = checksum;
+    belief->sequence_us = now_us;
+}
+
+void belief_new_link(struct belief *belief)
+{
+    belief->sequence_known = false;
+}

@@ -1,0 +1,84 @@
+/*
+ * Which of two sources that speak as the same autopilot is believed: the one
+ * that was there first, as long as it speaks.
+ *
+ * Pure. A source has a clock that goes on (its time since boot), a place that
+ * it can have flown to, a UTC that goes with its clock, and numbers its frames.
+ * What doesn't continue one of these is another source's word: not taken while
+ * the first one goes on, and taken when that was silent for a while: three of
+ * its usual intervals, 1 s at least, 5 s at most. A source that changes (an
+ * autopilot's restart, a position that was corrected) is therefore believed
+ * after about a second; two that take turns contradict each other. A place that
+ * it can't have flown to has to be said twice, whenever it comes.
+ */
+#ifndef ODID_BELIEF_H
+#define ODID_BELIEF_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "telemetry.h"
+
+/* So many contradictions within this time are a fault: no restart makes more than one. */
+#define BELIEF_FAULT_COUNT 4
+#define BELIEF_FAULT_US 10000000
+
+/* One thing that is said again and again. */
+struct belief_track {
+    bool known;
+    bool other_seen; /* since the believed source's last word */
+    int64_t heard_us, interval_us;
+};
+
+struct belief_clock {
+    struct belief_track track;
+    uint32_t last_ms;
+    int64_t last_us;   /* the same, not wrapped */
+    int64_t offset_us; /* our clock minus that: the least delayed arrival tells */
+    int64_t since_us;  /* believed since */
+};
+
+struct belief_place {
+    double latitude_deg, longitude_deg;
+    int64_t at_us;
+};
+
+struct belief {
+    struct belief_clock boot, native; /* time since boot; native messages': since the full hour */
+    struct belief_track place, utc;
+    bool no_fix;                 /* the autopilot's last GPS_RAW_INT said so */
+    struct belief_place at;      /* the believed source's last */
+    struct belief_place another; /* the last one that it can't have flown to; at_us 0: none */
+    int64_t utc_offset_us;       /* UTC minus time since boot */
+    bool sequence_known;
+    uint8_t sequence;
+    uint16_t checksum;
+    int64_t sequence_us;                         /* when that came */
+    int64_t contradicted_us[BELIEF_FAULT_COUNT]; /* the latest ones, by turns */
+    uint64_t contradictions;
+};
+
+/* Nothing is known, of a vehicle that is new. The count of contradictions goes on. */
+void belief_reset(struct belief *belief);
+
+/*
+ * May this update of the vehicle's autopilot be taken? Asked for each, once, in
+ * order; those that have neither time nor place may be always.
+ */
+bool belief_take(struct belief *belief, const struct telemetry_update *update, int64_t now_us);
+
+/*
+ * The number of a frame of the vehicle's autopilot: one that goes back within
+ * 100 ms is a contradiction, and so is the same number on another frame (by its
+ * checksum). In more time, more than half of all numbers may have been lost, or
+ * have gone to others only (a log that is downloaded).
+ */
+void belief_sequence(struct belief *belief, uint8_t sequence, uint16_t checksum, int64_t now_us);
+
+/* The next frame comes by another link of the autopilot's, which has numbers of its own. */
+void belief_new_link(struct belief *belief);
+
+/* Do two sources contradict each other? */
+bool belief_contradicted(const struct belief *belief, int64_t now_us);
+
+#endif

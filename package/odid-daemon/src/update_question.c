@@ -1,0 +1,103 @@
+#include "update_question.h"
+
+#include <json-c/json_object.h>
+#include <stdio.h>
+#include <unistd.h>
+
+#include "config.h"
+#include "kept.h"
+#include "odidctl.h"
+#include "update_bundle.h"
+#include "update_environment.h"
+#include "update_files.h"
+#include "update_offer.h"
+#include "update_places.h"
+#include "update_slot.h"
+#include "whole_file.h"
+
+static void say_nothing(void *context, enum config_severity severity, const char *sentence)
+{
+    (void)context;
+    (void)severity;
+    (void)sentence;
+}
+
+/* As odidctl and the services read it: what is wrong in it was said elsewhere. */
+static bool prevents_downgrade(void)
+{
+    struct config config;
+
+    config_defaults(&config);
+    config_read_file(&config, CONFIGURATION, say_nothing, NULL);
+    return config.update_prevent_downgrade;
+}
+
+static void fill_offer(struct update_offer *offer, const struct update_bundle *bundle,
+                       const struct update_question *question)
+{
+    static char rolled_back[UPDATE_VERSION_SIZE];
+    struct update_variables variables = {0};
+    bool damaged;
+    int known =
+        update_variables_read(ENVIRONMENT_CONFIG, NULL, question->running, &variables, &damaged);
+    int error = 0;
+    struct json_object *status = odidctl_fetch(RUN_DIR, &error);
+    struct kept kept;
+    bool ran = kept_read(RUN_DIR, &kept) == 0;
+
+    whole_file_line(DATA "/" UPDATE_BACK_FILE, rolled_back, sizeof(rolled_back));
+    *offer = (struct update_offer){
+        .versions = {.offered = bundle->version,
+                     .running = question->version,
+                     .rolled_back = rolled_back,
+                     .unattended = question->unattended,
+                     .prevent_downgrade = prevents_downgrade()},
+        .needed_octets = bundle->slot_octets,
+        .slot_octets = update_slot_octets(question->other),
+        .undecided = question->beside || known < 0 || variables.upgrade_available,
+        .given_up = variables.trial_failed == question->running,
+        .armed = ran && kept.armed == KEPT_ARMED ? UPDATE_ARMED
+                 : status == NULL || !ran        ? UPDATE_ARMED_UNKNOWN
+                                                 : UPDATE_DISARMED,
+        .remembers = access(FAULTS "/data", F_OK) < 0,
+    };
+    json_object_put(status);
+}
+
+/* The boot loader may have taken this slot because the committed one is damaged: from now on it is
+ * the one that a failed trial goes back to. */
+static int keep_this_slot(const struct update_question *question)
+{
+    struct update_variables variables;
+    bool damaged;
+    int result =
+        update_variables_read(ENVIRONMENT_CONFIG, NULL, question->running, &variables, &damaged);
+
+    if (result == 0 && variables.slot != question->running) {
+        variables.slot = question->running;
+        result = update_variables_write(ENVIRONMENT_CONFIG, &variables, UPDATE_REPORT_NOTHING);
+    }
+    return result;
+}
+
+void update_question_answer(const struct update_question *question,
+                            char answer[UPDATE_SENTENCE_SIZE])
+{
+    struct update_bundle bundle;
+    struct update_offer offer;
+
+    if (update_bundle_read_description(DESCRIPTION, &bundle) < 0) {
+        snprintf(answer, UPDATE_SENTENCE_SIZE,
+                 "Its description isn't as this appliance's are, though it is signed.");
+    } else {
+        fill_offer(&offer, &bundle, question);
+        if (update_offer_judge(&offer, answer, UPDATE_SENTENCE_SIZE)) {
+            answer[0] = '\0';
+            if (keep_this_slot(question) < 0) {
+                snprintf(answer, UPDATE_SENTENCE_SIZE, "U-Boot's environment can't be written.");
+            } else if (!update_slot_protect(question->other, false)) {
+                snprintf(answer, UPDATE_SENTENCE_SIZE, "The slot can't be made writable.");
+            }
+        }
+    }
+}

@@ -1,0 +1,14 @@
+/* The slots' block devices. slot: 'a' or 'b'. */
+#ifndef ODID_UPDATE_SLOT_H
+#define ODID_UPDATE_SLOT_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+/* Whether it may be written to. Returns whether it is so now; why not is logged. */
+bool update_slot_protect(char slot, bool read_only);
+
+/* Its size; 0: not known. */
+uint64_t update_slot_octets(char slot);
+
+#endif

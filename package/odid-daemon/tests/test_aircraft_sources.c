@@ -1,0 +1,443 @@
+/* Which source speaks: streams as real autopilots send them. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "flight.h"
+
+/* What was broadcast while a stream went on, looked at 20 times a second. */
+static struct {
+    unsigned flips;          /* of the source of the position */
+    unsigned pressure_flips; /* pressure altitude came or went */
+    unsigned stale, looks;
+    int64_t age_us[20 * 400]; /* of the position, at each look */
+} heard;
+
+static int by_age(const void *a, const void *b)
+{
+    const int64_t *first = a, *second = b;
+
+    return *first < *second ? -1 : *first > *second;
+}
+
+static int64_t age_us(double part)
+{
+    qsort(heard.age_us, heard.looks, sizeof(heard.age_us[0]), by_age);
+    return heard.age_us[(unsigned)((heard.looks - 1) * part)];
+}
+
+/* native_every_us: 0 for none. Each message is on its way for 20 ms, a native one for up to 340. */
+static void stream(double seconds, int64_t native_every_us, int64_t telemetry_every_us)
+{
+    enum source last = SOURCE_NONE;
+    bool pressure = false;
+    unsigned n = 0;
+
+    memset(&heard, 0, sizeof(heard));
+    for (int64_t end_us = now_us + (int64_t)(seconds * 1e6); now_us < end_us; now_us += 10 * MS) {
+        if (now_us % SECOND == 0) {
+            heartbeat();
+            system_time();
+            gps();
+        }
+        if (telemetry_every_us != 0 && now_us % telemetry_every_us == 0) {
+            position_of(now_us - 20 * MS);
+        }
+        if (native_every_us != 0 && now_us % native_every_us == 10 * MS) {
+            struct telemetry_update update = native_of(now_us - 20 * MS - n++ % 9 * 40 * MS);
+
+            give(&update);
+        }
+        if (now_us % (50 * MS) == 0) {
+            look();
+            heard.flips += last != SOURCE_NONE && view.location.position_source != last;
+            heard.pressure_flips +=
+                heard.looks > 0 && isnan(view.location.altitude_barometric_m) == pressure;
+            heard.stale += !view.location.position_fresh;
+            last = view.location.position_source;
+            pressure = !isnan(view.location.altitude_barometric_m);
+            heard.age_us[heard.looks++] = now_us - view.location.fix_us;
+        }
+    }
+}
+
+static int setup(void **state)
+{
+    begin_setup(state);
+    fly(2);
+    return 0;
+}
+
+/* ArduPilot's native LOCATION comes every 1.00 to 1.12 s and can't be had faster. */
+static void a_slow_native_location_does_not_age_the_position(void **state)
+{
+    static const int64_t every_us[] = {900 * MS, 1000 * MS, 1100 * MS, 1500 * MS};
+    int64_t without_us;
+
+    stream(300, 0, 200 * MS);
+    without_us = age_us(0.99);
+    for (size_t i = 0; i < sizeof(every_us) / sizeof(every_us[0]); i++) {
+        setup(state);
+        stream(5, every_us[i], 200 * MS);
+        stream(300, every_us[i], 200 * MS);
+        assert_int_equal(heard.flips, 0);
+        assert_int_equal(heard.pressure_flips, 0);
+        assert_int_equal(heard.stale, 0);
+        assert_int_equal(age_us(0.99), without_us);
+        assert_true(from_telemetry());
+        assert_near(view.location.altitude_barometric_m, 111); /* only native knows it */
+    }
+}
+
+static void a_native_location_that_keeps_up_speaks(void **state)
+{
+    (void)state;
+    stream(15, 200 * MS, 200 * MS);
+    stream(60, 200 * MS, 200 * MS);
+    assert_int_equal(heard.flips, 0);
+    assert_true(from_native());
+}
+
+/* At a pace where it is now as new, now not: it doesn't change with every message. */
+static void at_the_edge_of_keeping_up_the_source_stays(void **state)
+{
+    for (int64_t every_us = 300 * MS; every_us <= 900 * MS; every_us += 50 * MS) {
+        setup(state);
+        stream(15, every_us, 200 * MS);
+        stream(300, every_us, 200 * MS);
+        assert_true(heard.flips <= 30);
+        assert_true(age_us(0.99) <= 1000 * MS);
+    }
+}
+
+static void telemetry_that_is_lost_gives_way_to_the_native_location(void **state)
+{
+    (void)state;
+    stream(30, SECOND, 200 * MS);
+    assert_true(from_telemetry());
+    stream(5, SECOND, 0);
+    assert_true(from_native());
+    assert_int_equal(heard.stale, 0);
+    assert_true(age_us(1) <= 1450 * MS);
+    stream(1, SECOND, 200 * MS);
+    assert_true(from_telemetry());
+}
+
+static void both_at_once_a_second_are_a_second_old_at_most(void **state)
+{
+    (void)state;
+    stream(30, SECOND, SECOND);
+    stream(60, SECOND, SECOND);
+    assert_int_equal(heard.flips, 0);
+    assert_true(age_us(1) <= 1400 * MS);
+}
+
+/* ---- no position without a fix ---- */
+
+/* A real ArduPlane after its start: latitude and longitude of 1e-7 degrees. */
+static void an_estimator_without_a_fix_is_nowhere(void **state)
+{
+    (void)state;
+    sim.latitude_deg = 1e-7;
+    sim.longitude_deg = 7e-7;
+    sim.gps = false;
+    fly(20);
+    assert_unknown(view.location.latitude_deg);
+    assert_false(view.location.position_fresh);
+    assert_int_equal(view.location.status, AIRCRAFT_REMOTE_ID_FAILURE);
+    sim.gps = true;
+    sim.fix_type = GPS_FIX_TYPE_NO_FIX;
+    fly(20);
+    assert_unknown(view.location.latitude_deg);
+    /* The receiver has it first; the estimator is a second behind. */
+    sim.fix_type = GPS_FIX_TYPE_3D_FIX;
+    sim.gps_latitude_deg = 57.7089;
+    sim.gps_longitude_deg = 11.9746;
+    fly(2);
+    assert_unknown(view.location.latitude_deg);
+    sim.latitude_deg = 57.7089;
+    sim.longitude_deg = 11.9746;
+    fly(1);
+    assert_near(view.location.latitude_deg, 57.7089);
+}
+
+static void at_zero_with_a_fix_it_is_there(void **state)
+{
+    (void)state;
+    sim.latitude_deg = sim.gps_latitude_deg = 0.001;
+    sim.longitude_deg = sim.gps_longitude_deg = -0.001;
+    fly(2);
+    assert_near(view.location.latitude_deg, 0.001);
+    assert_true(view.location.position_fresh);
+}
+
+static void a_fix_that_is_lost_ends_the_position_within_3_s(void **state)
+{
+    (void)state;
+    for (unsigned silent = 0; silent < 2; silent++) {
+        begin();
+        fly(5);
+        assert_true(condition.fix_known);
+        sim.gps = !silent;
+        sim.fix_type = GPS_FIX_TYPE_NO_FIX;
+        fly(7);
+        assert_false(condition.fix_known);
+        assert_false(view.location.position_fresh);
+        assert_int_equal(view.location.status, AIRCRAFT_REMOTE_ID_FAILURE);
+        assert_int_equal(view.location.horizontal_accuracy, 0);
+        sim.gps = true;
+        sim.fix_type = GPS_FIX_TYPE_3D_FIX;
+        fly(1.2);
+        assert_true(view.location.position_fresh);
+    }
+}
+
+/* ArduPilot goes on: the last place, its last accuracy, a timestamp that isn't known. */
+static void a_native_location_without_a_fix_is_none(void **state)
+{
+    (void)state;
+    sim.position = sim.gps = false;
+    sim.time = true;
+    sim.native = true;
+    gps();
+    fly(5);
+    assert_true(view.location.position_fresh);
+    sim.native = false;
+    for (unsigned i = 0; i < 20; i++) {
+        struct telemetry_update update = native_of(now_us);
+
+        update.location.timestamp_s = update.location.direction_deg = NAN;
+        update.location.speed_mps = i; /* something moves */
+        fly(0.5);
+        give(&update);
+    }
+    look();
+    assert_false(view.location.position_fresh);
+    assert_int_equal(view.location.status, AIRCRAFT_REMOTE_ID_FAILURE);
+}
+
+/* A telemetry radio that sends everything every 5 s, GPS_RAW_INT last. */
+static void a_burst_counts_in_any_order(void **state)
+{
+    (void)state;
+    for (unsigned i = 0; i < 10; i++) {
+        now_us += 5 * SECOND;
+        position();
+        system_time();
+        heartbeat();
+        look();
+        assert_false(view.location.position_fresh);
+        now_us += 30 * MS;
+        gps();
+        look();
+        assert_true(view.location.position_fresh);
+        assert_about((double)view.location.fix_us, (double)now_us, 31000);
+        assert_true(condition.time_known);
+        assert_true(hour_apart_s(view.location.timestamp_s, true_hour_s(now_us)) < 0.1);
+    }
+    now_us += 5 * SECOND; /* but not what came long before */
+    position();
+    now_us += 1100 * MS;
+    gps();
+    look();
+    assert_false(view.location.position_fresh);
+}
+
+static void one_position_from_the_future_has_no_future_timestamp(void **state)
+{
+    (void)state;
+    fly(5);
+    position_of(now_us + 60 * SECOND);
+    look();
+    assert_true(view.location.fix_us <= now_us);
+    assert_true(hour_apart_s(view.location.timestamp_s, true_hour_s(now_us)) < 0.5);
+    fly(1);
+    assert_true(view.location.position_fresh);
+    assert_true(hour_apart_s(view.location.timestamp_s, true_hour_s(now_us)) < 0.1);
+    assert_int_equal(condition.autopilot_restarts, 0);
+}
+
+/* ---- after a restart ---- */
+
+/* Of the daemon, in flight: the next GPS_RAW_INT may be a second away. */
+static void a_restart_of_ours_does_not_cost_the_position(void **state)
+{
+    (void)state;
+    aircraft_restore_fix(aircraft, now_us);
+    sim.gps = false;
+    fly(0.4);
+    assert_true(view.location.position_fresh);
+    assert_int_equal(view.location.horizontal_accuracy, 0);
+    fly(6);
+    assert_false(view.location.position_fresh);
+    assert_false(condition.fix_known);
+}
+
+static void nothing_from_before_a_restart_is_its_word_after_it(void **state)
+{
+    struct telemetry_update id = update_of(TELEMETRY_BASIC_ID);
+
+    (void)state;
+    id.basic_id.id_type = 1;
+    strcpy(id.basic_id.uas_id, "INTCJ123-4567-890");
+    fly(5);
+    give(&id);
+    landed(MAV_LANDED_STATE_IN_AIR);
+    look();
+    assert_int_equal(view.basic_ids, 1);
+    silence_us(2 * SECOND);
+    sim.boot_at_us = now_us - SECOND;
+    sim.latitude_deg = 1e-7;
+    sim.gps = false;
+    system_time();
+    position();
+    look();
+    assert_int_equal(condition.autopilot_restarts, 1);
+    assert_int_equal(view.basic_ids, 0);
+    assert_false(condition.fix_known);
+    assert_near(view.location.latitude_deg, 57.7089); /* the last that is known, as old as it is */
+    assert_int_equal(view.location.status, AIRCRAFT_GROUND);
+}
+
+/* ---- clocks ---- */
+
+/* A simulator that ran 20 % slow for 25 s: status 4 stayed for hours. */
+static void a_clock_that_ran_slow_is_learnt_again_within_10_s(void **state)
+{
+    (void)state;
+    fly(20);
+    for (unsigned i = 0; i < 25; i++) {
+        fly(1);
+        sim.boot_at_us += 200 * MS;
+        sim.utc_us -= 200 * MS;
+    }
+    fly(10);
+    assert_true(view.location.position_fresh);
+    assert_true(view.location.fix_us >= now_us - 100 * MS);
+    assert_int_equal(view.location.status, AIRCRAFT_GROUND);
+}
+
+static void a_time_without_a_fix_is_none(void **state)
+{
+    (void)state;
+    sim.utc_us = INT64_C(2290000000000000); /* a PX4 without a receiver: 2042 */
+    sim.fix_type = GPS_FIX_TYPE_NO_FIX;
+    fly(10);
+    assert_false(condition.time_known);
+    sim.utc_us = UTC;
+    sim.fix_type = GPS_FIX_TYPE_3D_FIX;
+    fly(2);
+    assert_true(condition.time_known);
+    assert_about((double)condition.unix_us, (double)(UTC + now_us), 20000);
+    sim.fix_type = GPS_FIX_TYPE_NO_FIX; /* it goes on; and what it says otherwise doesn't count */
+    sim.utc_us = INT64_C(2290000000000000);
+    fly(10);
+    assert_about((double)condition.unix_us, (double)(UTC + now_us), 20000);
+}
+
+/* A PX4 that has started just now: the year comes right with the fix, not before. */
+static void a_time_from_before_the_fix_is_not_confirmed_by_it(void **state)
+{
+    (void)state;
+    sim.fix_type = GPS_FIX_TYPE_NO_FIX;
+    for (unsigned i = 0; i < 5; i++) {
+        sim.utc_us = INT64_C(2290000000000000);
+        gps();
+        system_time();
+        position();
+        now_us += 500 * MS;
+        sim.fix_type = i < 4 ? GPS_FIX_TYPE_NO_FIX : GPS_FIX_TYPE_3D_FIX;
+        gps();
+        look();
+        assert_false(condition.time_known);
+        assert_unknown(view.location.latitude_deg);
+        now_us += 500 * MS;
+    }
+    sim.utc_us = UTC;
+    fly(1.2);
+    assert_about((double)condition.unix_us, (double)(UTC + now_us), 20000);
+}
+
+/* Of two receivers one is dead: GPS_RAW_INT is always the first one's. */
+static void a_second_receivers_fix_is_one(void **state)
+{
+    struct telemetry_update second = update_of(TELEMETRY_GPS2_RAW);
+
+    (void)state;
+    sim.fix_type = GPS_FIX_TYPE_NO_GPS;
+    second.gps_raw.fix_type = GPS_FIX_TYPE_3D_FIX;
+    for (unsigned i = 0; i < 10; i++) {
+        give(&second);
+        fly(1);
+        assert_true(view.location.position_fresh);
+    }
+    fly(6);
+    assert_false(view.location.position_fresh);
+}
+
+/* Everything came 2 s late for a while: UTC stays what it was when that ends. */
+static void delays_that_end_do_not_bend_utc(void **state)
+{
+    (void)state;
+    fly(20);
+    now_us += 2 * SECOND;
+    for (unsigned i = 0; i < 60; i++) {
+        now_us += 250 * MS;
+        if (i % 4 == 0) {
+            gps();
+        }
+        position_of(now_us - 2 * SECOND);
+    }
+    for (unsigned i = 0; i < 20; i++) {
+        now_us += 200 * MS;
+        gps();
+        position();
+        look();
+        assert_true(i < 2 || hour_apart_s(view.location.timestamp_s, true_hour_s(now_us)) < 0.1);
+    }
+}
+
+/* ---- vertical speed ---- */
+
+static void an_inverted_vertical_speed_is_set_right_and_said(void **state)
+{
+    (void)state;
+    fly(2);
+    for (unsigned i = 0; i < 50; i++) { /* ArduCopter 3.5: it climbs, and says that it sinks */
+        sim.up_mps = -3;
+        fly(0.2);
+        sim.altitude_m += 0.6;
+    }
+    assert_true(condition.vertical_inverted);
+    assert_near(view.location.vertical_speed_mps, 3);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup(a_slow_native_location_does_not_age_the_position, setup),
+        cmocka_unit_test_setup(a_native_location_that_keeps_up_speaks, setup),
+        cmocka_unit_test_setup(at_the_edge_of_keeping_up_the_source_stays, setup),
+        cmocka_unit_test_setup(telemetry_that_is_lost_gives_way_to_the_native_location, setup),
+        cmocka_unit_test_setup(both_at_once_a_second_are_a_second_old_at_most, setup),
+        cmocka_unit_test_setup(an_estimator_without_a_fix_is_nowhere, begin_setup),
+        cmocka_unit_test_setup(at_zero_with_a_fix_it_is_there, begin_setup),
+        cmocka_unit_test_setup(a_fix_that_is_lost_ends_the_position_within_3_s, begin_setup),
+        cmocka_unit_test_setup(a_native_location_without_a_fix_is_none, begin_setup),
+        cmocka_unit_test_setup(a_burst_counts_in_any_order, begin_setup),
+        cmocka_unit_test_setup(one_position_from_the_future_has_no_future_timestamp, begin_setup),
+        cmocka_unit_test_setup(a_restart_of_ours_does_not_cost_the_position, begin_setup),
+        cmocka_unit_test_setup(nothing_from_before_a_restart_is_its_word_after_it, begin_setup),
+        cmocka_unit_test_setup(a_clock_that_ran_slow_is_learnt_again_within_10_s, begin_setup),
+        cmocka_unit_test_setup(a_time_without_a_fix_is_none, begin_setup),
+        cmocka_unit_test_setup(a_time_from_before_the_fix_is_not_confirmed_by_it, begin_setup),
+        cmocka_unit_test_setup(a_second_receivers_fix_is_one, begin_setup),
+        cmocka_unit_test_setup(delays_that_end_do_not_bend_utc, begin_setup),
+        cmocka_unit_test_setup(an_inverted_vertical_speed_is_set_right_and_said, begin_setup),
+    };
+
+    return cmocka_run_group_tests_name("aircraft, sources", tests, NULL, NULL);
+}

@@ -1,0 +1,261 @@
+/* What the autopilot is asked for, when, and when not. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <common/mavlink.h>
+#include <string.h>
+
+#include "asking.h"
+
+#define MS INT64_C(1000)
+#define SECOND INT64_C(1000000)
+#define MESSAGES 5
+#define ALL (MESSAGES + 1)
+
+static const struct {
+    uint16_t id;
+    enum telemetry_kind kind;
+    uint32_t interval_us;
+} message[MESSAGES] = {
+    {24, TELEMETRY_GPS_RAW, 1000000},    {33, TELEMETRY_GLOBAL_POSITION, 200000},
+    {2, TELEMETRY_SYSTEM_TIME, 1000000}, {245, TELEMETRY_LANDED_STATE, 1000000},
+    {242, TELEMETRY_HOME, 1000000},
+};
+
+static struct asking asking;
+static int64_t now_us;
+/* The simulated autopilot: at what interval it sends each, 0: not; what it does when asked. */
+static uint32_t sends_us[MESSAGES];
+static enum { OBEYS, REFUSES, IGNORES } when_asked[MESSAGES];
+static unsigned asked[MESSAGES];
+static int64_t asked_us[MESSAGES];
+
+static int setup(void **state)
+{
+    (void)state;
+    now_us = 1000 * SECOND;
+    memset(sends_us, 0, sizeof(sends_us));
+    memset(when_asked, 0, sizeof(when_asked));
+    memset(asked, 0, sizeof(asked));
+    asking_begin(&asking, now_us);
+    return 0;
+}
+
+static bool refused(uint16_t message_id)
+{
+    uint16_t ids[ASKING_MESSAGES];
+    unsigned count = asking_refused(&asking, now_us, ids);
+
+    while (count > 0 && ids[count - 1] != message_id) {
+        count--;
+    }
+    return count > 0;
+}
+
+static void answer(uint8_t result, uint16_t command)
+{
+    struct telemetry_update update = {.kind = TELEMETRY_COMMAND_ACK};
+
+    update.command_ack.command = command;
+    update.command_ack.result = result;
+    asking_heard(&asking, &update, now_us);
+}
+
+static void take(const struct asking_request *request)
+{
+    for (unsigned i = 0; i < MESSAGES; i++) {
+        if (message[i].id != request->message_id) {
+            continue;
+        }
+        assert_int_equal(request->interval_us, message[i].interval_us);
+        asked[i]++;
+        asked_us[i] = now_us;
+        if (when_asked[i] == OBEYS) {
+            sends_us[i] = request->interval_us;
+            answer(MAV_RESULT_ACCEPTED, MAV_CMD_SET_MESSAGE_INTERVAL);
+        } else if (when_asked[i] == REFUSES) {
+            answer(MAV_RESULT_DENIED, MAV_CMD_SET_MESSAGE_INTERVAL);
+        }
+        return;
+    }
+    fail();
+}
+
+static void pass(double seconds)
+{
+    int64_t end_us = now_us + (int64_t)(seconds * 1e6);
+
+    while (now_us < end_us) {
+        struct asking_request request;
+
+        now_us += 50 * MS;
+        for (unsigned i = 0; i < MESSAGES; i++) {
+            if (sends_us[i] != 0 && now_us % sends_us[i] == 0) {
+                struct telemetry_update update = {.kind = message[i].kind};
+
+                asking_heard(&asking, &update, now_us);
+            }
+        }
+        if (now_us % (250 * MS) == 0 && asking_next(&asking, now_us, &request)) {
+            take(&request);
+        }
+    }
+}
+
+static void expect_asked(unsigned which, unsigned times)
+{
+    for (unsigned i = 0; i < MESSAGES; i++) {
+        if (which == ALL || which == i) {
+            assert_int_equal(asked[i], times);
+        }
+    }
+}
+
+/* ArduCopter's default streams. */
+static void what_does_not_come_is_asked_for_once(void **state)
+{
+    (void)state;
+    pass(10);
+    expect_asked(ALL, 1);
+    pass(600);
+    expect_asked(ALL, 1);
+}
+
+static void what_comes_is_not_asked_for(void **state)
+{
+    (void)state;
+    for (unsigned i = 0; i < MESSAGES; i++) {
+        sends_us[i] = message[i].interval_us;
+    }
+    pass(600);
+    expect_asked(ALL, 0);
+}
+
+static void what_comes_too_seldom_is_asked_for(void **state)
+{
+    (void)state;
+    for (unsigned i = 0; i < MESSAGES; i++) {
+        sends_us[i] = 2 * message[i].interval_us;
+    }
+    pass(10);
+    expect_asked(ALL, 1);
+}
+
+/* Another station's REQUEST_DATA_STREAM. */
+static void what_was_switched_off_is_asked_for_again_within_5_s(void **state)
+{
+    (void)state;
+    pass(30);
+    for (unsigned round = 2; round < 10; round++) {
+        int64_t off_us = now_us;
+
+        memset(sends_us, 0, sizeof(sends_us));
+        pass(8);
+        for (unsigned i = 0; i < MESSAGES; i++) {
+            assert_int_equal(asked[i], round);
+            assert_true(asked_us[i] - off_us <= 5 * SECOND);
+        }
+    }
+}
+
+static void a_refusal_is_remembered_until_the_autopilot_restarts(void **state)
+{
+    (void)state;
+    for (unsigned i = 0; i < MESSAGES; i++) {
+        when_asked[i] = i == 3 ? REFUSES : OBEYS;
+    }
+    pass(600);
+    for (unsigned i = 0; i < MESSAGES; i++) {
+        assert_int_equal(asked[i], i == 3 ? 2 : 1);
+    }
+    assert_true(refused(245));
+    assert_false(refused(24));
+    asking_begin(&asking, now_us);
+    assert_false(refused(245));
+    pass(20);
+    expect_asked(3, 4);
+    expect_asked(0, 1); /* it still comes */
+}
+
+/* An answer that was another station's, or to the question before. */
+static void what_a_position_needs_is_never_given_up(void **state)
+{
+    (void)state;
+    when_asked[0] = when_asked[1] = REFUSES;
+    pass(600);
+    assert_true(asked[0] > 10 && asked[1] > 10);
+    assert_true(refused(24));
+    when_asked[0] = when_asked[1] = OBEYS;
+    pass(60);
+    assert_false(refused(24));
+    assert_int_equal(sends_us[0], 1000000);
+    assert_int_equal(sends_us[1], 200000);
+}
+
+static void who_never_answers_is_asked_more_and_more_seldom(void **state)
+{
+    (void)state;
+    for (unsigned i = 0; i < MESSAGES; i++) {
+        when_asked[i] = IGNORES;
+    }
+    pass(100);
+    for (unsigned i = 0; i < MESSAGES; i++) {
+        assert_in_range(asked[i], 4, 6);
+    }
+    pass(1000);
+    for (unsigned i = 0; i < MESSAGES; i++) {
+        assert_in_range(asked[i], 20, 28);
+    }
+}
+
+static void the_answer_to_another_command_says_nothing(void **state)
+{
+    struct asking_request request;
+
+    (void)state;
+    for (unsigned i = 0; i < 2; i++) {
+        sends_us[i] = message[i].interval_us;
+    }
+    now_us += 3 * SECOND;
+    for (unsigned i = 0; i < 20; i++) {
+        struct telemetry_update update = {.kind = message[i % 2].kind};
+
+        asking_heard(&asking, &update, now_us);
+        now_us += 100 * MS;
+    }
+    assert_true(asking_next(&asking, now_us, &request));
+    assert_int_equal(request.message_id, 2);
+    answer(MAV_RESULT_DENIED, MAV_CMD_SET_MESSAGE_INTERVAL);
+    now_us += 4 * SECOND;
+    for (request.message_id = 0; request.message_id != 2; now_us += 2 * SECOND) {
+        assert_true(asking_next(&asking, now_us, &request));
+    }
+    now_us -= 2 * SECOND;
+    answer(MAV_RESULT_DENIED, MAV_CMD_COMPONENT_ARM_DISARM);
+    assert_false(refused(request.message_id));
+    assert_false(asking_next(&asking, now_us, &request)); /* its answer is still waited for */
+    answer(MAV_RESULT_UNSUPPORTED, MAV_CMD_SET_MESSAGE_INTERVAL);
+    assert_true(refused(request.message_id));
+    answer(MAV_RESULT_ACCEPTED, MAV_CMD_SET_MESSAGE_INTERVAL); /* nothing was asked */
+    assert_true(refused(request.message_id));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup(what_does_not_come_is_asked_for_once, setup),
+        cmocka_unit_test_setup(what_comes_is_not_asked_for, setup),
+        cmocka_unit_test_setup(what_comes_too_seldom_is_asked_for, setup),
+        cmocka_unit_test_setup(what_was_switched_off_is_asked_for_again_within_5_s, setup),
+        cmocka_unit_test_setup(a_refusal_is_remembered_until_the_autopilot_restarts, setup),
+        cmocka_unit_test_setup(what_a_position_needs_is_never_given_up, setup),
+        cmocka_unit_test_setup(who_never_answers_is_asked_more_and_more_seldom, setup),
+        cmocka_unit_test_setup(the_answer_to_another_command_says_nothing, setup),
+    };
+
+    return cmocka_run_group_tests_name("asking", tests, NULL, NULL);
+}

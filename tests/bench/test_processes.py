@@ -1,0 +1,80 @@
+"""What one process of the appliance, taken over or somebody's own, can do to the broadcast."""
+
+import re
+import time
+
+import patience
+import pytest
+
+from . import faults, runs
+from .faults import Fault, Injected
+from .machine import configuration
+
+STATUS, SECONDS = "/run/odid/status.sock", 12
+# User and group (board/common/users.txt): one that has no business there, and one whose questions are answered.
+NOBODY, ODID_WEB = "65534 65534", "991 990"
+
+
+def flooded(who, may_connect, processes=4):
+    def inject(machine):
+        programs = "pidof odid-daemon hostapd"
+        before, at = machine.must(programs), time.monotonic()
+        connected = int(machine.must(f"{faults.TOOL} flood {STATUS} {who} {processes} {SECONDS}", SECONDS + 20))
+        print(f"{who} got {connected} connections")
+        problems = [] if bool(connected) == may_connect else [f"{who} got {connected} connections"]
+        if machine.must(programs) != before:
+            print(machine.must("dmesg | tail -n 20"))
+            problems.append("odid-daemon or hostapd is another process than before")
+        return Injected(at, problems=problems)
+    return inject
+
+
+@pytest.mark.usefixtures("machine_possible")
+@pytest.mark.parametrize("user", ["nobody", "odid-web"])
+def test_a_flood_of_questions_costs_the_broadcast_nothing(user):
+    flood = flooded(NOBODY, False) if user == "nobody" else flooded(ODID_WEB, True)
+    fault = Fault(f"status_flood_{user}", f"status.sock flooded by {user}", 0.6, flood)
+    one = runs.in_flight([fault])[fault.name]
+    assert not one.problems
+    assert one.gap_s is not None
+    patience.promise(f"the longest gap, on {one.channel}", one.gap_s, one.limit_s)
+
+
+@pytest.mark.usefixtures("machine_possible")
+def test_busy_processors_are_no_silence_of_hostapd_s():
+    """Twelve processes leave hostapd-watch's question no time, unless it has hostapd's own priority."""
+    fault = Fault("busy", "both processors busy", 5, flooded(NOBODY, False, processes=12))
+    assert not runs.in_flight([fault])[fault.name].problems
+
+
+def test_nobody_keeps_the_aircraft_on_the_ground_by_pretending_an_update(grounded):
+    """SWUpdate's notifier takes anybody's word that something begins, and passes it on as its own."""
+    start = 1
+    grounded.wait_inside("odid-update's view of SWUpdate", "[ -S /run/odid-appliance/update.sock ] && [ -S /run/swupdate/swupdateprog ]")
+    grounded.put(faults.TOOL, runs.tool())
+    grounded.must(f"{faults.TOOL} notice {NOBODY} {start}")
+    grounded.wait_inside("the pretended word", "! grep -q '\"state\": \"idle\"' /run/odid-appliance/update.json")
+    assert grounded.run("[ -e /run/odid-appliance/updating ]").code != 0
+
+
+# What belongs to somebody else than root, or may be written by others, and is read by nobody of root's.
+THEIRS = (r"/run/odid(/.*)?", r"/tmp", r"/var/tmp")
+
+
+def test_nobody_writes_what_root_reads(make_machine):
+    machine = make_machine("who-writes", config={
+        "odid.conf": configuration(maintenance={"password": "a-test-password"}, update={"hawkbit_url": "http://10.0.2.2:1", "hawkbit_id": "me"}),
+        "hawkbit-token": "a-secret\n"})
+    machine.power_on()
+    machine.wait_on_air()
+    machine.wait_inside("hawkBit's client", "ps -o user,args | grep -q '^odid-haw.*[s]wupdate'")
+    listing = machine.must("find /run /data /etc /lib /usr /sbin /bin /tmp /var ! -type l ! -type s -exec stat -c '%u %a %n' {} +")
+    files = [line.split(" ", 2) for line in listing.splitlines()]
+    assert len(files) > 500
+    wrong = [" ".join(file) for file in files
+             if (file[0] != "0" or int(file[1], 8) & 0o022) and not any(re.fullmatch(one, file[2]) for one in THEIRS)]
+    assert not wrong
+    # And the token is for root and for that client.
+    reader = "chpst -u odid-hawkbit:odid-hawkbit cat /run/swupdate.cfg"
+    assert "a-secret" in machine.must(reader)
+    assert machine.run(reader.replace("-u odid-hawkbit:odid-hawkbit", "-u odid-web:odid-web")).code != 0
