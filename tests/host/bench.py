@@ -20,7 +20,6 @@ from host import measure, parts, program, runs, tlog
 from host.flight import write_flight
 
 FOLDER = parts.ROOT / "build/bench"
-RECORDED = "arduplane-vtol-sitl.tlog"  # a flight of ArduPlane's simulator, with gaps
 POSITION_HZ = 5
 # T-L4 as published. The study's other scenarios aren't public in detail: their loads are ours, under
 # the study's names.

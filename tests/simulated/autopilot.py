@@ -1,4 +1,4 @@
-"""A MODEL of an autopilot on a serial line: plays a log of frames, by the world's clock, and heeds nothing that it is told."""
+"""A MODEL of an autopilot: plays a log of frames, by the world's clock, and heeds nothing that it is told."""
 
 import json
 from collections import namedtuple
@@ -7,18 +7,17 @@ from host import player, tlog
 from host.flight import BOOTED_MS
 from pymavlink.dialects.v20 import common
 
-from .world import Device
-
 # What the daemon says of itself: CLOCK_MONOTONIC in seconds, whether it is good to arm, and otherwise why not.
 ArmStatus = namedtuple("ArmStatus", "mono good reason")
 
 
 class Autopilot:
-    """frames: host/player.py's, (seconds, frame, record or None). said: each ARM_STATUS that came.
+    """frames: host/player.py's, (seconds, frame, record or None). said: each ARM_STATUS that came. connect(on_octets): its
+    line to the daemon, a world.Device or world.Port.
 
     rewrite(message) may change what it says, or return False: it isn't said."""
 
-    def __init__(self, world, path, flight, played):
+    def __init__(self, world, connect, flight, played):
         self.world = world
         self.frames = player.prepare(flight, 0, None)
         self.played = open(played, "w", encoding="utf-8")
@@ -26,7 +25,7 @@ class Autopilot:
         self.rewrite = None
         self.said = []
         self._decoder, self._link = tlog.Decoder(), common.MAVLink(None, srcSystem=1, srcComponent=1)
-        self.device = Device(world, path, self._listen)
+        self.device = connect(self._listen)
         self._begun_us, self._next = world.now_us, 0
         world.at(self._begun_us, self._play)
 

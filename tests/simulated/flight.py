@@ -1,6 +1,9 @@
 """One flight in a simulated world: the programs, radios, hostapd and an autopilot around them, and the judge behind."""
 
+import hashlib
+import itertools
 import json
+import os
 import subprocess
 
 from host import parts
@@ -13,23 +16,24 @@ from .autopilot import Autopilot
 from .controller import Controller
 from .faults import Window
 from .hostapd import Hostapd
-from .world import START_US, World
+from .world import START_US, Device, Port, World
 
-BLUETOOTH, SERIAL = "/dev/bluetooth", "/dev/autopilot"
+BLUETOOTH, SERIAL, PORT = "/dev/bluetooth", "/dev/autopilot", 14550
+PORTS = itertools.count()
 SERVICES = ("odid-keeper", "odid-recorder", "odid-clock")
 WARM_UP_S = 5.0  # until all is on the air, and a position has come
 
 
 class Flight:
-    """kept: as on the appliance, with odid-keeper, odid-recorder and odid-clock; else odid-daemon by itself."""
+    """link: "serial", or "udp" as behind mavlink-router. kept: as on the appliance, with odid-keeper, odid-recorder and odid-clock; else odid-daemon by itself."""
 
-    def __init__(self, folder, flight, seed=1, mode="full", loss=0.0, late=(0.0, 0), kept=False):
-        self.folder = folder
+    def __init__(self, folder, flight, seed=1, mode="full", loss=0.0, late=(0.0, 0), kept=False, link="serial"):
+        self.folder, self.link = folder, link
         self.world = World(folder, seed, late)
         self.air = Air(self.world, loss)
         self.controller = Controller(self.world, self.air, BLUETOOTH, mode)
         self.hostapd = Hostapd(self.world, self.air, self.world.root / "hostapd")
-        self.autopilot = Autopilot(self.world, SERIAL, flight, folder / "played.jsonl")
+        self.autopilot = Autopilot(self.world, self._connect, flight, folder / "played.jsonl")
         self.channels = ("bt4", "bt5", "wifi") if mode == "full" else ("bt4", "wifi")
         self.kept, self.windows = kept, []  # windows: what was done to it
         self._config = self._write_config()
@@ -41,10 +45,19 @@ class Flight:
         else:
             self._start("odid-daemon", "-config", self._config)
 
+    def _connect(self, on_octets):
+        if self.link == "serial":
+            return Device(self.world, SERIAL, on_octets)
+        # An address of this process' own: others simulate, too.
+        pid = os.getpid()
+        self.port = f"127.{pid >> 16 & 255}.{pid >> 8 & 255}.{pid & 255}", PORT + next(PORTS)
+        return Port(self.world, self.port, on_octets)
+
     def _write_config(self):
         (self.world.root / "run/odid").mkdir()
         sections = parts.IDENTITY | {
-            "mavlink": {"source": "serial", "device": SERIAL},
+            "mavlink": {"source": "serial", "device": SERIAL} if self.link == "serial" else
+            {"source": "udp", "udp_address": self.port[0], "udp_port": self.port[1]},
             "broadcast": {"bt_adapter": f"h4:{BLUETOOTH}", "wifi_iface": "wlan0", "hostapd_dir": self.world.root / "hostapd"},
             "daemon": {"run_dir": self.world.root / "run/odid", "user": "root"}}
         path = self.world.root / "odid.conf"
@@ -113,6 +126,13 @@ class Flight:
         run.start_mono += WARM_UP_S
         run.receptions = [one for one in run.receptions if one.mono >= run.start_mono]
         return judge(run, Options(expect_channels=self.channels), read_flight_log(self.folder / "played.jsonl"), self._set_log())
+
+    def octets(self):
+        """A hash of all that was heard, and when: the same on each machine."""
+        heard = hashlib.sha256()
+        for one in self.air.run().receptions:
+            heard.update(f"{one.mono:.6f} {one.channel} {one.address} {one.raw.hex()}\n".encode())
+        return heard.hexdigest()
 
     def _set_log(self):
         log = {}

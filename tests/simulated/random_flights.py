@@ -7,6 +7,7 @@ A failure prints its seed, the law and the instant, and the command that does it
 build/simulated/<seed>. It is made smaller by leaving faults out while it still fails.
 """
 
+import hashlib
 import os
 import random
 import sys
@@ -27,13 +28,14 @@ FOLDER = parts.ROOT / "build/simulated"
 LATE = ((0.0, 0), (0.0, 0), (0.1, 40_000), (0.3, 150_000))  # share of wake-ups, most
 REST_S = 15.0  # after a fault, at least
 KEPT = 0.25  # with odid-keeper and the others: so many of the flights
-Plan = namedtuple("Plan", "mode late kept faults")  # faults: (Fault, at_s, seconds)
+Plan = namedtuple("Plan", "mode link late kept faults")  # faults: (Fault, at_s, seconds)
 
 
 def plan(seed, until_s):
     """What that seed's world is, and what is done in it."""
     chance = random.Random(f"flight {seed}")
     mode, late, kept, faults = chance.choice(front.MODES), chance.choice(LATE), chance.random() < KEPT, []
+    link = chance.choice(("serial", "udp"))
     possible = [fault for fault in FAULTS if kept or not fault.kept]
     at_s = WARM_UP_S + chance.uniform(5, 20)
     while at_s < until_s - 2 * REST_S:
@@ -41,20 +43,21 @@ def plan(seed, until_s):
         seconds = chance.choice((0.05, 0.5, 2.0, 6.0, 20.0)) * chance.uniform(0.8, 1.2)
         faults.append((fault, at_s, seconds))
         at_s += seconds + REST_S + chance.expovariate(1 / 15)
-    return Plan(mode, late, kept, faults)
+    return Plan(mode, link, late, kept, faults)
 
 
 def fly(seed, until_s, what, folder):
-    """The laws that were broken, and how long it took."""
+    """The laws that were broken, how long it took, and a hash of what was heard."""
     folder.mkdir(parents=True, exist_ok=True)
     log = folder.with_suffix(".tlog")
     write_flight(log, until_s + 10, seed=seed)
-    begun, flight = time.monotonic(), Flight(folder, log, seed, what.mode, late=what.late, kept=what.kept)
+    begun, flight = time.monotonic(), Flight(folder, log, seed, what.mode, late=what.late, kept=what.kept, link=what.link)
     try:
         for fault, at_s, seconds in what.faults:
             flight.harm(fault, at_s, seconds)
         flight.fly(until_s)
-        return broken_laws(flight, until_s), time.monotonic() - begun
+        broken = broken_laws(flight, until_s)
+        return broken, time.monotonic() - begun, flight.octets()
     finally:
         flight.end()
 
@@ -70,7 +73,7 @@ def smaller(seed, until_s, what, folder):
 
 def told(what):
     late = f"late at {what.late[0]:.0%} of its wake-ups by up to {what.late[1] / 1000:.0f} ms" if what.late[0] else "never late"
-    return "\n".join([f"  {what.mode}, {late}{', with its keeper, recorder and clock' if what.kept else ''}", *(
+    return "\n".join([f"  {what.mode}, {what.link}, {late}{', with its keeper, recorder and clock' if what.kept else ''}", *(
         f"  {at_s:7.2f} s  {fault.name}{f' for {seconds:.2f} s' if fault.end else ''}" for fault, at_s, seconds in what.faults)])
 
 
@@ -84,10 +87,11 @@ def asked():
 
 def main():
     seeds, minutes = asked()
-    until_s, failed, took_s, faults = minutes * 60, [], 0.0, 0
+    until_s, failed, took_s, faults, heard = minutes * 60, [], 0.0, 0, hashlib.sha256()
     for seed in seeds:
         what = plan(seed, until_s)
-        broken, seconds = fly(seed, until_s, what, FOLDER / str(seed))
+        broken, seconds, octets = fly(seed, until_s, what, FOLDER / str(seed))
+        heard.update(octets.encode())
         took_s, faults = took_s + seconds, faults + len(what.faults)
         if broken:
             failed.append(seed)
@@ -95,7 +99,8 @@ def main():
                   f"{told(smaller(seed, until_s, what, FOLDER / f'{seed}-smaller'))}\n"
                   f"  again: make simulate SEEDS={seed} MINUTES={minutes:g}", flush=True)
     print(f"{len(seeds)} flights, {len(seeds) * minutes / 60:.1f} hours, {faults} faults, in {took_s:.0f} s "
-          f"({len(seeds) * until_s / took_s:.0f} times real time): {len(failed)} broke a law")
+          f"({len(seeds) * until_s / took_s:.0f} times real time): {len(failed)} broke a law; "
+          f"what was heard: {heard.hexdigest()[:16]}")
     return 1 if failed else 0
 
 

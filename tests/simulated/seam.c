@@ -307,6 +307,13 @@ ssize_t send(int fd, const void *octets, size_t size, int flags)
     return really(fd, octets, size, flags);
 }
 
+ssize_t sendto(int fd, const void *octets, size_t size, int flags, const struct sockaddr *to,
+               socklen_t to_size)
+{
+    touch(fd);
+    return NEXT(sendto)(fd, octets, size, flags, to, to_size);
+}
+
 /* ---- files and devices ---- */
 
 /* What stands for a path below the root; false: nothing does. */

@@ -1,10 +1,8 @@
 """Flights in the simulated world: what is on the air, and how soon it is there again. No machine is late here, so every
 limit is the daemon's own, in the thousandths of a second that the models leave it."""
 
-import hashlib
-
 import pytest
-from host import front
+from host import front, parts
 from host.flight import write_flight
 
 from .faults import FAULTS
@@ -27,19 +25,12 @@ def log(tmp_path_factory):
 def make_flight(tmp_path, log):
     flights = []
 
-    def make(**options):
-        flights.append(Flight(tmp_path / f"flight-{len(flights)}", log, **options))
+    def make(flight=log, **options):
+        flights.append(Flight(tmp_path / f"flight-{len(flights)}", flight, **options))
         return flights[-1]
     yield make
     for one in flights:
         one.end()
-
-
-def octets(flight):
-    heard = hashlib.sha256()
-    for one in flight.air.run().receptions:
-        heard.update(f"{one.mono:.6f} {one.channel} {one.address} {one.raw.hex()}\n".encode())
-    return heard.hexdigest()
 
 
 @pytest.mark.parametrize("mode", front.MODES)
@@ -57,6 +48,35 @@ def test_everything_is_right_by_each_kind_of_chip(make_flight, mode):
     assert figures["bt4_all_five_within_p99_s"] <= 1.1
 
 
+def test_everything_is_right_behind_a_router(make_flight):
+    flight = make_flight(link="udp")
+    flight.fly(FLIGHT_S)
+    judgement = flight.judged()
+    assert judgement.verdict == "PASS", judgement.findings.violations
+
+
+def test_the_recorded_flight_is_right(make_flight):
+    recorded = parts.recorded_flight()
+    if not recorded.is_file():
+        pytest.skip(f"{recorded.name} isn't in TEST_DATA")
+    flight = make_flight(flight=recorded)
+    flight.fly(FLIGHT_S)
+    judgement = flight.judged()
+    assert judgement.verdict == "PASS", judgement.findings.violations
+
+
+@pytest.mark.parametrize("every_s", [0.9, 1.0, 1.1, 1.5])
+def test_native_messages_beside_faster_telemetry_age_nothing(make_flight, tmp_path, every_s):
+    write_flight(tmp_path / "native.tlog", FLIGHT_S + 10, native_hz=1 / every_s)
+    ages = []
+    for flight in (make_flight(), make_flight(flight=tmp_path / "native.tlog")):
+        flight.fly(FLIGHT_S)
+        judgement = flight.judged()
+        assert judgement.verdict == "PASS", judgement.findings.violations
+        ages.append(judgement.figures["bt4_position_age_p99_s"])
+    assert ages[1] <= ages[0] + 0.01
+
+
 @pytest.mark.parametrize("seed", range(1, 6))
 def test_a_machine_that_is_late_loses_no_message(make_flight, seed):
     """Three of ten times, by up to 150 ms, which is more than a slot: every limit of the rules is kept, and no payload is
@@ -72,7 +92,7 @@ def test_the_same_seed_gives_the_same_octets(make_flight):
     for seed in (7, 7, 8):
         flight = make_flight(seed=seed)
         flight.fly(20)
-        found.append(octets(flight))
+        found.append(flight.octets())
     assert found[0] == found[1] != found[2]
 
 
@@ -97,3 +117,28 @@ def test_a_silent_autopilot_is_a_failure_that_is_said(make_flight):
         failed = [heard.reception.mono - START_US / 1e6 for heard, location in track.of_type("location")
                   if location.status == 4 and heard.reception.mono > START_US / 1e6 + 10]
         assert AT_S + 3.0 <= min(failed) < AT_S + 3.5, track.channel
+
+
+# --- the flight record --------------------------------------------------------------------
+
+
+def test_a_quiet_flight_has_no_gap(make_flight):
+    flight = make_flight(kept=True)
+    flight.fly(FLIGHT_S)
+    record = flight.record()
+    assert all(record["channels"][channel]["armed_longest_gap_s"] == 0 for channel in flight.channels)
+    assert record["verdict"] == "on the air the whole flight" and record["faults"] == 0
+
+
+def test_the_disk_is_spared(make_flight):
+    """A file that is written again has another time: each ten seconds in flight, and at what happens."""
+    flight, changes = make_flight(kept=True), []
+
+    def look():
+        file = (flight.flights / "00001.jsonl").stat()
+        changes.append((file.st_ino, file.st_size, file.st_mtime_ns))
+        if len(changes) < 90:
+            flight.world.after(1_000_000, look)
+    flight.at(AT_S, look)
+    flight.fly(FLIGHT_S)
+    assert 8 <= len(set(changes)) <= 10

@@ -12,5 +12,5 @@ FLIGHT_S = 600
 @pytest.mark.parametrize("seed", range(1, 61))
 def test_the_laws_hold(seed, tmp_path):
     what = random_flights.plan(seed, FLIGHT_S)
-    broken, _ = random_flights.fly(seed, FLIGHT_S, what, tmp_path / "flight")
+    broken, _, _ = random_flights.fly(seed, FLIGHT_S, what, tmp_path / "flight")
     assert broken == [], f"{random_flights.told(what)}\nagain: make simulate SEEDS={seed}"

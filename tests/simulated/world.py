@@ -289,6 +289,35 @@ class World:
         shutil.rmtree(self.root)
 
 
+class Port:
+    """A UDP port of the program's machine, and another program (mavlink-router) that speaks to it."""
+
+    def __init__(self, world, address, on_octets):
+        self.world, self.address, self.on_octets, self.there = world, address, on_octets, True
+        self.sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.sock.bind((address[0], 0))
+        world.listen(self.sock, self._read)
+
+    def _read(self):
+        while True:
+            try:
+                octets = self.sock.recv(65536)
+            except BlockingIOError:
+                return
+            except ConnectionError:
+                continue  # what was sent reached nobody
+            self.on_octets(octets)
+
+    def plug_in(self):
+        self.there = True
+
+    def unplug(self):
+        self.there = False
+
+    def send(self, octets):
+        return self.there and self.world.tell(self.sock, octets, self.address)
+
+
 class Device:
     """A device of the program's machine: whoever opens it has a line to here, one at a time.
 
