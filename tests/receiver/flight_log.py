@@ -71,6 +71,7 @@ class FlightLog:
     fix_types: list[tuple[float, int]] = field(default_factory=list)
     time_known_mono: float | None = None  # the first SYSTEM_TIME that a GNSS fix confirms
     clock_offset_s: float = 0.0  # mono minus time
+    gnss_found: dict[float, bool | None] = field(default_factory=dict)  # has_gnss, once the log is whole
 
     def newest_fix(self, mono: float, source: str | None = None) -> Fix | None:
         for fix in reversed(self.fixes[:bisect.bisect_right(self.fixes, mono, key=lambda f: f.mono)]):
@@ -81,8 +82,10 @@ class FlightLog:
     def has_gnss(self, mono: float) -> bool | None:
         """Was a GNSS fix known at an instant: by GPS_RAW_INT, or where that doesn't come by a native
         position with time and accuracy?  None: either answer is right, so shortly after a change."""
-        around = {self._gnss_at(mono - GNSS_TOLERANCE_S), self._gnss_at(mono), self._gnss_at(mono + GNSS_TOLERANCE_S)}
-        return around.pop() if len(around) == 1 else None
+        if mono not in self.gnss_found:
+            around = {self._gnss_at(mono - GNSS_TOLERANCE_S), self._gnss_at(mono), self._gnss_at(mono + GNSS_TOLERANCE_S)}
+            self.gnss_found[mono] = around.pop() if len(around) == 1 else None
+        return self.gnss_found[mono]
 
     def _gnss_at(self, mono: float) -> bool:
         at = bisect.bisect_right(self.fix_types, mono, key=lambda f: f[0])

@@ -1,5 +1,6 @@
 """A MODEL of an autopilot: plays a log of frames, by the world's clock, and heeds nothing that it is told."""
 
+import functools
 import json
 from collections import namedtuple
 
@@ -11,6 +12,9 @@ from pymavlink.dialects.v20 import common
 ArmStatus = namedtuple("ArmStatus", "mono good reason")
 
 
+prepare = functools.lru_cache(maxsize=16)(player.prepare)
+
+
 class Autopilot:
     """frames: host/player.py's, (seconds, frame, record or None). said: each ARM_STATUS that came. connect(on_octets): its
     line to the daemon, a world.Device or world.Port.
@@ -19,7 +23,7 @@ class Autopilot:
 
     def __init__(self, world, connect, flight, played):
         self.world = world
-        self.frames = player.prepare(flight, 0, None)
+        self.frames = prepare(flight, 0, None)
         self.played = open(played, "w", encoding="utf-8")
         self.silent = False
         self.rewrite = None

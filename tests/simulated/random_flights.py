@@ -7,10 +7,12 @@ A failure prints its seed, the law and the instant, and the command that does it
 build/simulated/<seed>. It is made smaller by leaving faults out while it still fails.
 """
 
+import functools
 import hashlib
 import os
 import random
 import sys
+import tempfile
 import time
 from collections import namedtuple
 from pathlib import Path
@@ -27,6 +29,7 @@ from simulated.laws import broken_laws
 FOLDER = parts.ROOT / "build/simulated"
 LATE = ((0.0, 0), (0.0, 0), (0.1, 40_000), (0.3, 150_000))  # share of wake-ups, most
 REST_S = 15.0  # after a fault, at least
+FLIGHTS, LOGS = 8, []
 KEPT = 0.25  # with odid-keeper and the others: so many of the flights
 Plan = namedtuple("Plan", "mode link late kept faults")  # faults: (Fault, at_s, seconds)
 
@@ -46,12 +49,21 @@ def plan(seed, until_s):
     return Plan(mode, link, late, kept, faults)
 
 
+@functools.cache
+def flight_log(number, seconds):
+    """One of a few flights: what is done in them makes the difference."""
+    if not LOGS:
+        LOGS.append(tempfile.TemporaryDirectory(prefix="odid-flights-"))
+    path = Path(LOGS[0].name, f"{number}.tlog")
+    write_flight(path, seconds, seed=number)
+    return path
+
+
 def fly(seed, until_s, what, folder):
     """The laws that were broken, how long it took, and a hash of what was heard."""
     folder.mkdir(parents=True, exist_ok=True)
-    log = folder.with_suffix(".tlog")
-    write_flight(log, until_s + 10, seed=seed)
-    begun, flight = time.monotonic(), Flight(folder, log, seed, what.mode, late=what.late, kept=what.kept, link=what.link)
+    begun, log = time.monotonic(), flight_log(seed % FLIGHTS, until_s + 10)
+    flight = Flight(folder, log, seed, what.mode, late=what.late, kept=what.kept, link=what.link)
     try:
         for fault, at_s, seconds in what.faults:
             flight.harm(fault, at_s, seconds)

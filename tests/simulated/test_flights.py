@@ -46,6 +46,8 @@ def test_everything_is_right_by_each_kind_of_chip(make_flight, mode):
     assert figures["bt4_location_content_max_s"] <= (0.50 if slow else 0.40)
     assert figures["wifi_location_content_max_s"] <= 0.40
     assert figures["bt4_all_five_within_p99_s"] <= 1.1
+    assert figures["bt4_position_age_p99_s"] <= (0.33 if slow else 0.25)
+    assert figures["bt4_payloads_heard"] == figures["bt4_payloads_set"] > 800
 
 
 def test_everything_is_right_behind_a_router(make_flight):
