@@ -64,7 +64,8 @@ NOTHING_HEARD = {"newer position": [], "basic_id": [], "system": [], "operator_i
 def said_as_the_judge_has_it(flight, judgement):
     for one in judgement.findings.violations:
         at_s = seconds(one.mono) if one.mono else 0.0
-        if one.kind not in ABOUT_TIME and not (one.kind in KNOWN_SOON and just_restarted(flight, at_s)):
+        if one.kind not in ABOUT_TIME and not (one.kind in KNOWN_SOON and just_restarted(flight, at_s)) and not (
+                one.kind == "played.system_time" and was_away(flight, one.channel, at_s)):
             yield f"{one.kind} at {at_s:.3f} s on {one.channel}: {one.what}; expected {one.expected}, found {one.found}"
 
 
@@ -75,6 +76,12 @@ KNOWN_SOON, SECOND_S = ("played.altitude", "played.system_time", "played.time"),
 
 def just_restarted(flight, at_s):
     return any(one.fault.restarts and one.begin_s <= at_s <= one.back_s + one.fault.limit_s + SECOND_S
+               for one in flight.windows)
+
+
+def was_away(flight, channel, at_s):
+    """A radio that is there again begins with what it had before."""
+    return any(one.channel == channel and one.begin_s <= at_s <= one.back_s + one.fault.limit_s + 2 * flight.world.late[1] / 1e6
                for one in flight.windows)
 
 
