@@ -149,6 +149,8 @@ static void invalid_operators(void **state)
          "15 characters instead of 16 (country code, 12, check character)"},
         {"SWE3jxza7qbzvu5-xyz", "SWE3jxza7qbzvu5",
          "15 characters instead of 16 (country code, 12, check character)"},
+        {"SWE3jxza7qbz  -xyz", "SWE3jxza7qbz",
+         "12 characters instead of 16 (country code, 12, check character)"},
         {"SwE3jxza7qbzvu5d", "SwE3jxza7qbzvu5d",
          "character 2 is \"w\": expected a capital letter of the country code"},
         {"S1E3jxza7qbzvu5d", "S1E3jxza7qbzvu5d",
