@@ -183,7 +183,8 @@ def test_nobody_on_the_ground_speaks_as_the_vehicle(appliance, vehicle):
     made = sections(appliance.must("/lib/odid/mavlink-router-config /dev/ttyACM1"))
     for name, keys in made.items():
         if "Endpoint" in name and name not in ("UartEndpoint autopilot", "UdpEndpoint daemon"):
-            assert keys["BlockSrcSysIn"] == (vehicle or "1") and keys["BlockSrcCompIn"] == "1"
+            assert keys["BlockSrcSysIn"] == (vehicle or "1") and keys["BlockSrcCompIn"] == "1,236,237,238"
+            assert keys["BlockMsgIdIn"] == "12918"
 
 
 def loaded(appliance):
@@ -331,7 +332,7 @@ def test_maintenance_opens_and_closes_without_a_restart(appliance):
     appliance.must("/lib/odid/maintenance off")
     closed = appliance.calls()[len(opened):]
     assert KEY not in appliance.read("run/hostapd.psk")
-    cli = "hostapd_cli -p /run/hostapd -i wlan0 raw "
+    cli = "hostapd_cli -s /run/odid-appliance -p /run/hostapd -i wlan0 raw "
     assert [call for call in opened if call.startswith("hostapd_cli")] == [cli + "RELOAD_WPA_PSK", cli + "SET max_num_sta 200"]
     assert [call for call in closed if call.startswith("hostapd_cli")] == [
         cli + "SET max_num_sta 0", cli + "RELOAD_WPA_PSK", cli + "DEAUTHENTICATE ff:ff:ff:ff:ff:ff"]
@@ -421,6 +422,27 @@ def test_another_vehicle_than_1_is_told_to_mavlink_router_but_not_in_flight(appl
     assert appliance.calls() == ["sv term mavlink-router"]
     made = sections(appliance.must("/lib/odid/mavlink-router-config /dev/ttyACM0"))
     assert made["General"]["SnifferSysid"] == "8"
+
+
+# --- the networks' ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("ip, mask, taken", [
+    ("192.168.41.99", 24, False), ("192.168.42.1", 30, False), ("192.168.41.99", 16, True), ("192.168.40.99", 24, True)])
+def test_no_lease_takes_the_technician_s_networks_away(appliance, ip, mask, taken):
+    """A DHCP server by cable took 192.168.41.0/24: who came by Wi-Fi was answered there."""
+    appliance.write("sys/class/net/eth0/ifindex", "2\n")
+    appliance.change("lib/odid/dhcp-event", ("ip addr", "/usr/bin/ip addr"))  # the shell would take its own applet
+    appliance.must(f"interface=eth0 ip={ip} mask={mask} router= dns= /lib/odid/dhcp-event bound")
+    assert (f"ip addr add {ip}/{mask} dev eth0" in appliance.calls()) == taken
+    assert ("eth0 has this board's own addresses" in (appliance.fault("dhcp-eth0") or "")) != taken
+
+
+def test_hostapd_s_answers_come_where_nobody_is_in_the_way():
+    """Without -s they come to /tmp: with its names taken there by anybody, hostapd passed for one that doesn't answer."""
+    calls = [line for path in OVERLAY.rglob("*") if path.is_file() and not path.is_symlink()
+             for line in path.read_text(errors="replace").splitlines() if re.search(r"\bhostapd_cli -", line)]
+    assert len(calls) == 2 and all("hostapd_cli -s /run/odid-appliance " in line for line in calls)
 
 
 # --- a stick with a bundle ------------------------------------------------------------

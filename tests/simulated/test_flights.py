@@ -121,6 +121,19 @@ def test_a_silent_autopilot_is_a_failure_that_is_said(make_flight):
         assert AT_S + 3.0 <= min(failed) < AT_S + 3.5, track.channel
 
 
+def test_armed_is_written_down_as_soon_as_it_can_be(make_flight):
+    """What couldn't be written at arming was never tried again: updates went by "no" for the whole flight."""
+    flight = make_flight()
+    run_dir = flight.world.root / "run/odid"
+    flight.at(2.5, (run_dir / "kept.new").mkdir)
+    flight.at(8.0, (run_dir / "kept.new").rmdir)
+    flight.fly(8.0)
+    assert "armed yes" not in (run_dir / "kept").read_text().splitlines()
+    flight.fly(9.0)
+    assert "armed yes" in (run_dir / "kept").read_text().splitlines()
+    assert (flight.folder / "odid-daemon.log").read_text().count("can't keep") == 1
+
+
 # --- the flight record --------------------------------------------------------------------
 
 

@@ -47,7 +47,8 @@ static struct {
     uint8_t asked_vehicle; /* ... and whose */
     struct pilot pilot;
     struct status_lateness lateness;
-    struct kept kept; /* as it is in its file */
+    struct kept kept; /* as it is in its file, ... */
+    bool kept_behind; /* ... or has to be */
     struct loop_timer look;
     struct loop_watch signals;
     int64_t start_us, look_us, tell_us;
@@ -164,10 +165,11 @@ static void write_kept(void)
 {
     int result = kept_write(config()->run_dir, &self.kept);
 
-    if (result < 0) {
+    if (result < 0 && !self.kept_behind) {
         log_warning("can't keep what others and a restart need to know: %s/" KEPT_FILE ": %s",
                     config()->run_dir, strerror(-result));
     }
+    self.kept_behind = result < 0; /* tried again at each look: others go by it */
 }
 
 /* The take-off point for a restart in flight only: that of a flight that ended must not pass for
@@ -179,7 +181,7 @@ static void keep(uint8_t vehicle, const struct aircraft_condition *condition)
     const struct aircraft_takeoff *takeoff = armed ? aircraft_takeoff(self.aircraft) : &none;
     enum kept_armed word = armed ? KEPT_ARMED : KEPT_DISARMED;
 
-    if (vehicle == self.kept.vehicle && word == self.kept.armed &&
+    if (!self.kept_behind && vehicle == self.kept.vehicle && word == self.kept.armed &&
         condition->fix_known == self.kept.fix_known &&
         memcmp(takeoff, &self.kept.takeoff, sizeof(*takeoff)) == 0) {
         return;

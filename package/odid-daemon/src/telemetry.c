@@ -12,6 +12,8 @@
 /* A vehicle that was silent for this long may be another one: a changed SYSID, another aircraft. */
 #define VEHICLE_FORGOTTEN_US 10000000
 #define VEHICLE_EXPECTED_US 3000000 /* three of its HEARTBEATs */
+/* An autopilot has started by then; one that is expected still isn't there. */
+#define VEHICLE_STARTED_US 60000000
 
 struct telemetry {
     telemetry_fn *deliver;
@@ -19,10 +21,13 @@ struct telemetry {
     struct framing framing[TELEMETRY_STREAMS];
     struct telemetry_counters counters;
     struct belief belief;
-    uint8_t vehicle; /* system id, 0 = none yet */
-    uint8_t kept;    /* the first one since power-on: it may return at any time */
-    bool armed;      /* the vehicle's last word */
-    bool identified; /* its autopilot said who it is */
+    uint8_t vehicle;       /* system id, 0 = none yet */
+    uint8_t kept;          /* who was there first, or is expected: it may return */
+    bool kept_heard;       /* it was the vehicle in our time */
+    int64_t kept_until_us; /* one that wasn't heard is expected until then */
+    bool armed;            /* the vehicle's last word */
+    bool seen_disarmed;    /* it said so before */
+    bool identified;       /* its autopilot said who it is */
     int vehicle_stream;
     int64_t heartbeat_us;
     int64_t vehicle_until_us;         /* no other system is the vehicle until then */
@@ -45,6 +50,7 @@ struct telemetry *telemetry_init(telemetry_fn *deliver, void *context)
 void telemetry_expect(struct telemetry *telemetry, uint8_t vehicle, bool armed, int64_t now_us)
 {
     telemetry->vehicle = telemetry->kept = vehicle;
+    telemetry->kept_until_us = now_us + VEHICLE_STARTED_US;
     telemetry->armed = armed;
     telemetry->vehicle_until_us = now_us + VEHICLE_EXPECTED_US;
 }
@@ -264,20 +270,33 @@ static void take_odid(struct telemetry *telemetry, const mavlink_message_t *mess
     }
 }
 
+/* It was seen on the ground, and is armed since: nobody passes by like that. */
+static bool took_off_here(const struct telemetry *telemetry, int64_t now_us)
+{
+    return telemetry->seen_disarmed && telemetry->armed && now_us >= telemetry->kept_until_us;
+}
+
 /*
  * Is this heartbeat, of another system than the vehicle, the vehicle's from now
- * on? The kept one returns at any time. Another one is a changed system id,
- * after a long silence and on the ground, or where the kept one was only expected; never a ground
- * station's.
+ * on? The kept one returns at any time; one that is only expected, of the last
+ * power-on, not once another one has taken off here. Another one is a changed
+ * system id, after a long silence and on the ground, or where the kept one was
+ * only expected; not a ground station's, once there was a vehicle.
  */
 static bool takes_over(const struct telemetry *telemetry, uint8_t system_id, bool armed,
                        int64_t now_us)
 {
-    if (telemetry->vehicle == 0 || system_id == telemetry->kept) {
+    bool none_yet = telemetry->heartbeat_us == INT64_MIN;
+
+    if (telemetry->vehicle == 0) {
         return true;
     }
-    return !telemetry->armed && (!armed || telemetry->heartbeat_us == INT64_MIN) &&
-           !is_ground_station(telemetry, system_id) && now_us >= telemetry->vehicle_until_us;
+    if (system_id == telemetry->kept) {
+        return telemetry->kept_heard || !took_off_here(telemetry, now_us);
+    }
+    return !telemetry->armed && (!armed || none_yet) &&
+           (!is_ground_station(telemetry, system_id) || none_yet) &&
+           now_us >= telemetry->vehicle_until_us;
 }
 
 static void take_heartbeat(struct telemetry *telemetry, const mavlink_message_t *message,
@@ -307,10 +326,19 @@ static void take_heartbeat(struct telemetry *telemetry, const mavlink_message_t 
         }
         update.heartbeat.new_vehicle = telemetry->vehicle != 0;
         telemetry->vehicle = message->sysid;
-        telemetry->kept = telemetry->kept != 0 ? telemetry->kept : message->sysid;
         belief_reset(&telemetry->belief);
-        telemetry->identified = false;
+        telemetry->identified = telemetry->seen_disarmed = false;
     }
+    telemetry->seen_disarmed = telemetry->seen_disarmed || !armed;
+    telemetry->armed = armed;
+    /* Nobody's any more who was expected, and isn't the one that flies. */
+    if (telemetry->kept == message->sysid || telemetry->kept == 0 ||
+        (!telemetry->kept_heard && took_off_here(telemetry, now_us))) {
+        telemetry->kept = message->sysid;
+        telemetry->kept_heard = true;
+    }
+    /* A system with an autopilot is no ground station, whatever else of it said so. */
+    telemetry->ground_stations[message->sysid / 8] &= (uint8_t) ~(1 << (message->sysid % 8));
     telemetry->armed = armed;
     telemetry->heartbeat_us = now_us;
     telemetry->vehicle_until_us = now_us + VEHICLE_FORGOTTEN_US;

@@ -386,6 +386,37 @@ static void who_is_heard_first_gives_way_to_the_vehicle_of_the_last_power_on(voi
     assert_int_equal(telemetry_vehicle(telemetry), VEHICLE);
 }
 
+/* A neighbour that has the system id which this aircraft had before: with its word the flying
+ * aircraft was replaced, and disarmed. */
+static void who_took_off_here_gives_way_to_nobody_who_was_only_expected(void **state)
+{
+    (void)state;
+    begin();
+    telemetry_expect(telemetry, VEHICLE, false, now_us);
+    now_us += 3 * SECOND;
+    assert_int_equal(feed(disarmed_heartbeat(OTHER_VEHICLE)), 1);
+    now_us += 60 * SECOND;
+    assert_int_equal(feed(autopilot_heartbeat(OTHER_VEHICLE)), 1);
+    now_us += SECOND;
+    assert_int_equal(feed(disarmed_heartbeat(VEHICLE)), 0);
+    assert_int_equal(feed(autopilot_heartbeat(VEHICLE)), 0);
+    assert_int_equal(telemetry_vehicle(telemetry), OTHER_VEHICLE);
+    now_us += 60 * SECOND;
+    assert_int_equal(feed(disarmed_heartbeat(VEHICLE)), 0);
+}
+
+/* One such word, before the autopilot's first one counted, took its place away until power-off. */
+static void a_station_of_the_same_system_takes_no_place_away(void **state)
+{
+    (void)state;
+    begin();
+    telemetry_expect(telemetry, VEHICLE, false, now_us);
+    feed(ground_station_heartbeat(OTHER_VEHICLE));
+    now_us += 3 * SECOND;
+    assert_int_equal(feed(disarmed_heartbeat(OTHER_VEHICLE)), 1);
+    assert_int_equal(feed(some_position(OTHER_VEHICLE, AUTOPILOT)), 1);
+}
+
 static void another_vehicle_waits_for_10_s_of_silence(void **state)
 {
     (void)state;
@@ -517,6 +548,8 @@ int main(void)
         cmocka_unit_test_setup(in_flight_no_other_vehicle_takes_its_place, setup),
         cmocka_unit_test_setup(one_that_flies_takes_no_place_at_all, setup),
         cmocka_unit_test_setup(the_first_vehicle_has_its_place_back_when_it_returns, setup),
+        cmocka_unit_test_setup(who_took_off_here_gives_way_to_nobody_who_was_only_expected, setup),
+        cmocka_unit_test_setup(a_station_of_the_same_system_takes_no_place_away, setup),
         cmocka_unit_test_setup(a_ground_station_becomes_no_vehicle, setup),
         cmocka_unit_test_setup(after_a_restart_in_flight_no_other_vehicle_takes_its_place, setup),
         cmocka_unit_test_setup(the_same_vehicle_after_silence_is_no_new_one, setup),

@@ -6,8 +6,8 @@
  * MAVLink frame a datagram. It routes nothing by system id. It ends, with 1, when the serial port
  * hangs up or vanishes. Sections and keys it knows: [General] (TcpServerPort has to be 0 or absent,
  * the rest is passed over), [UartEndpoint x] Device, Baud; [UdpEndpoint x] Mode, Address, Port,
- * AllowSrcCompIn, BlockSrcCompIn, BlockSrcSysIn; other keys of endpoints are passed over, other
- * sections are refused.
+ * AllowSrcCompIn, BlockSrcCompIn, BlockSrcSysIn, BlockMsgIdIn (one); other keys of endpoints are
+ * passed over, other sections are refused.
  *
  * As mavlink-router's version 4 does (src/endpoint.cpp: read_msg, allowed_by_incoming_filters): a
  * frame ends where its length says, also one with flags that nobody knows; it is passed on whole;
@@ -39,6 +39,7 @@ struct udp {
     struct sockaddr_in peer; /* sin_port 0: none yet */
     bool only_listed;        /* AllowSrcCompIn is set */
     bool allowed_component[256], blocked_component[256], blocked_system[256];
+    int blocked_message; /* 0: none */
 };
 
 static char device[256];
@@ -121,6 +122,8 @@ static void set_key(enum section section, const char *key, const char *value)
         set_list(udp->blocked_component, value);
     else if (section == UDP && strcasecmp(key, "BlockSrcSysIn") == 0)
         set_list(udp->blocked_system, value);
+    else if (section == UDP && strcasecmp(key, "BlockMsgIdIn") == 0)
+        udp->blocked_message = number(value, 1, 0xFFFFFF);
     else if (section == UDP && strcasecmp(key, "Mode") == 0) {
         if (strcasecmp(value, "Normal") != 0 && strcasecmp(value, "Server") != 0)
             die(value, "Mode: Normal or Server expected");
@@ -265,7 +268,10 @@ static bool may_enter(const struct udp *udp, const unsigned char *frame)
 {
     int system = frame[0] == 0xFE ? frame[3] : frame[5];
     int component = frame[0] == 0xFE ? frame[4] : frame[6];
+    int message = frame[0] == 0xFE ? frame[5] : frame[7] | frame[8] << 8 | frame[9] << 16;
 
+    if (udp->blocked_message != 0 && message == udp->blocked_message)
+        return false;
     return !(udp->only_listed && !udp->allowed_component[component]) &&
            !udp->blocked_component[component] && !udp->blocked_system[system];
 }

@@ -155,6 +155,12 @@ def heartbeat(who, version=2, number=0):
     return common.MAVLink_heartbeat_message(1, 3, 1, 0, 4, 3).pack(link, force_mavlink1=version == 1)
 
 
+def arm_status(who):
+    """All is well, says somebody."""
+    link = common.MAVLink(None, srcSystem=who[0], srcComponent=who[1])
+    return common.MAVLink_open_drone_id_arm_status_message(0, b"").pack(link)
+
+
 def crafted(who, flags=2, message=0xFDFDFD):
     """A header that says 255 octets of a message nobody knows, with a flag nobody knows."""
     return bytes([0xFD, 255, flags, 0, 0, *who, *message.to_bytes(3, "little")]) + b"\xfd" * 257
@@ -168,11 +174,13 @@ RULES = {
     "as the vehicle": (heartbeat(VEHICLE), False, False),
     "as the vehicle, in MAVLink 1": (heartbeat(VEHICLE, version=1), False, False),
     "as its transmitter": (heartbeat(TRANSMITTER), False, True),
+    "the transmitter's word": (arm_status(STATION), False, False),
+    "the same as its transmitter": (arm_status(TRANSMITTER), False, True),
     "as another autopilot": (heartbeat(FOREIGN), False, False),
     "a message that nobody knows": (crafted(STATION, flags=0), True, False),
     "a flag that nobody knows": (crafted(STATION), True, False),
     "the same as the vehicle": (crafted(VEHICLE), False, False),
-    "the same as its transmitter": (crafted(TRANSMITTER), False, True),
+    "what nobody knows as its transmitter": (crafted(TRANSMITTER), False, True),
 }
 
 
@@ -186,7 +194,8 @@ def either(request):
 
 
 def test_what_each_side_may_say(program, tmp_path):
-    line = Line(program, tmp_path, keys=("BlockSrcSysIn = 1\nBlockSrcCompIn = 1\n", "AllowSrcCompIn = 236\n"))
+    line = Line(program, tmp_path, keys=("BlockSrcSysIn = 1\nBlockSrcCompIn = 1,236,237,238\nBlockMsgIdIn = 12918\n",
+                                         "AllowSrcCompIn = 236\n"))
     try:
         addresses = line.addresses()
         for number, (what, (octets, *passes)) in enumerate(RULES.items(), 1):
