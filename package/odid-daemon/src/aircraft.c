@@ -159,6 +159,14 @@ static void take_basic_id(struct aircraft *aircraft, const struct telemetry_upda
     unsigned slot = update->basic_id.id_type == ODID_IDTYPE_SERIAL_NUMBER ? 0 : 1;
     struct aircraft_native_id *native = &aircraft->native_basic_id[slot];
 
+    /* Once the vehicle says who it is, nothing stands that somebody else has said of it. */
+    for (unsigned i = 0; !update->by_ground_station && i < 2; i++) {
+        if (aircraft->basic_id_by_ground_station[i]) {
+            memset(&aircraft->native_basic_id[i], 0, sizeof(aircraft->native_basic_id[i]));
+            aircraft->basic_id_by_ground_station[i] = false;
+        }
+    }
+    aircraft->basic_id_by_ground_station[slot] = update->by_ground_station;
     memcpy(native, &update->basic_id, sizeof(update->basic_id));
     if (native->id_type == ODID_IDTYPE_CAA_REGISTRATION_ID) {
         identifiers_remove_secrets(native->uas_id);

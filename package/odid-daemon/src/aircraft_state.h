@@ -103,6 +103,7 @@ struct aircraft {
     double leap_ahead_s, leap_s;
 
     struct aircraft_native_id native_basic_id[2]; /* a serial number; another type */
+    bool basic_id_by_ground_station[2];           /* not the vehicle's own word */
     struct aircraft_auth_page auth[TELEMETRY_AUTH_PAGES];
     uint32_t auth_received; /* bit per page */
     uint8_t native_description_type;

@@ -43,6 +43,7 @@ static bool has_id_type(const struct aircraft_view *view, uint8_t id_type)
 static void view_basic_ids(const struct aircraft *aircraft, struct aircraft_view *view)
 {
     struct aircraft_basic_id *out;
+    bool configured_one;
 
     for (unsigned i = 0; i < CONFIG_BASIC_IDS; i++) {
         const struct config_basic_id *configured = &aircraft->config->basic_id[i];
@@ -55,9 +56,13 @@ static void view_basic_ids(const struct aircraft *aircraft, struct aircraft_view
             memcpy(out->uas_id, configured->uas_id, strlen(configured->uas_id));
         }
     }
+    configured_one = view->basic_ids > 0;
     for (unsigned i = 0; i < 2 && view->basic_ids < 2; i++) {
         const struct aircraft_native_id *native = &aircraft->native_basic_id[i];
 
+        if (configured_one && aircraft->basic_id_by_ground_station[i]) {
+            continue; /* it is known who this is */
+        }
         if (native->id_type != ODID_IDTYPE_NONE && !has_id_type(view, native->id_type)) {
             out = &view->basic_id[view->basic_ids++];
             out->id_type = native->id_type;

@@ -21,13 +21,14 @@ struct telemetry {
     struct framing framing[TELEMETRY_STREAMS];
     struct telemetry_counters counters;
     struct belief belief;
-    uint8_t vehicle;       /* system id, 0 = none yet */
-    uint8_t kept;          /* who was there first, or is expected: it may return */
-    bool kept_heard;       /* it was the vehicle in our time */
-    int64_t kept_until_us; /* one that wasn't heard is expected until then */
-    bool armed;            /* the vehicle's last word */
-    bool seen_disarmed;    /* it said so before */
-    bool identified;       /* its autopilot said who it is */
+    uint8_t vehicle;        /* system id, 0 = none yet */
+    uint8_t kept;           /* who was there first, or is expected: it may return */
+    bool kept_heard;        /* it was the vehicle in our time */
+    int64_t kept_until_us;  /* one that wasn't heard is expected until then */
+    bool armed;             /* the vehicle's last word */
+    bool seen_disarmed;     /* it said so before */
+    bool identified;        /* its autopilot said who it is */
+    bool by_ground_station; /* whose native message is being read */
     int vehicle_stream;
     int64_t heartbeat_us;
     int64_t vehicle_until_us;         /* no other system is the vehicle until then */
@@ -249,7 +250,11 @@ static bool deliver_believed(struct telemetry *telemetry, const struct telemetry
 
 static void on_native(void *context, const struct telemetry_update *update, int64_t now_us)
 {
-    deliver_believed(context, update, now_us);
+    struct telemetry *telemetry = context;
+    struct telemetry_update told = *update;
+
+    told.by_ground_station = telemetry->by_ground_station;
+    deliver_believed(telemetry, &told, now_us);
 }
 
 static void take_odid(struct telemetry *telemetry, const mavlink_message_t *message, int64_t now_us)
@@ -263,6 +268,7 @@ static void take_odid(struct telemetry *telemetry, const mavlink_message_t *mess
         telemetry->counters.other_system++;
     } else {
         telemetry->counters.frames++;
+        telemetry->by_ground_station = message->sysid != telemetry->vehicle;
         if (message->sysid == telemetry->vehicle && says_who(message->msgid)) {
             telemetry->identified = true;
         }

@@ -112,6 +112,43 @@ static void two_native_ids_are_kept_side_by_side(void **state)
     assert_id(0, 1, 4, "1AAA3ZZZ", SOURCE_NATIVE);
 }
 
+static void ground_stations_id(uint8_t id_type, const char *id)
+{
+    struct telemetry_update update = update_of(TELEMETRY_BASIC_ID);
+
+    update.by_ground_station = true;
+    update.basic_id.id_type = id_type;
+    memcpy(update.basic_id.uas_id, id, strlen(id));
+    give(&update);
+}
+
+/* One of another type stood beside the right one on every channel, and nothing was said of it. */
+static void a_ground_station_adds_no_id_to_a_configured_one(void **state)
+{
+    (void)state;
+    configure(0, 1, 2, "SSRS5GBG01");
+    ground_stations_id(2, "N-FALSE");
+    look();
+    assert_int_equal(view.basic_ids, 1);
+    native_id(2, 2, "SE-ABC"); /* the vehicle itself may */
+    look();
+    assert_int_equal(view.basic_ids, 2);
+    assert_id(1, 2, 2, "SE-ABC", SOURCE_NATIVE);
+}
+
+static void what_a_ground_station_said_of_it_ends_with_the_vehicles_own_word(void **state)
+{
+    (void)state;
+    ground_stations_id(1, "SSRS5FALSE1");
+    ground_stations_id(2, "N-FALSE");
+    look();
+    assert_int_equal(view.basic_ids, 2); /* nobody else has said who it is */
+    native_id(1, 2, "SSRS5GBG01");
+    look();
+    assert_int_equal(view.basic_ids, 1);
+    assert_id(0, 1, 2, "SSRS5GBG01", SOURCE_NATIVE);
+}
+
 static void two_configured_ids_leave_no_room_for_a_third(void **state)
 {
     (void)state;
@@ -406,6 +443,9 @@ int main(void)
         cmocka_unit_test_setup(the_same_serial_number_is_no_conflict, begin_setup),
         cmocka_unit_test_setup(a_native_id_of_another_type_fills_the_second_place, begin_setup),
         cmocka_unit_test_setup(two_native_ids_are_kept_side_by_side, begin_setup),
+        cmocka_unit_test_setup(a_ground_station_adds_no_id_to_a_configured_one, begin_setup),
+        cmocka_unit_test_setup(what_a_ground_station_said_of_it_ends_with_the_vehicles_own_word,
+                               begin_setup),
         cmocka_unit_test_setup(two_configured_ids_leave_no_room_for_a_third, begin_setup),
         cmocka_unit_test_setup(the_second_place_alone_may_be_configured, begin_setup),
         cmocka_unit_test_setup(an_id_of_20_characters_is_kept_whole, begin_setup),
