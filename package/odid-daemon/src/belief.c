@@ -24,6 +24,7 @@
 #define SPEED_MAX_MPS 254.25
 #define JUMP_MAX_M 30.0
 #define DELAY_S 0.2
+#define JUMP_FULL_M (JUMP_MAX_M + SPEED_MAX_MPS * DELAY_S)
 #define METRES_PER_DEGREE 111320.0
 #define ZERO_M 1000.0 /* so near to 0,0 only an estimator is, that has no fix */
 #define FIX_TYPE_2D 2 /* GPS_FIX_TYPE */
@@ -163,11 +164,19 @@ static double distance_m(const struct belief_place *a, const struct belief_place
     return hypot(b->latitude_deg - a->latitude_deg, east_deg) * METRES_PER_DEGREE;
 }
 
+/* What is left of jump_m after that way; negative: no aircraft flies so. Of the time in between it
+ * earns at most what it flies: a thousand steps in one instant are one. */
+static double jump_left_m(double jump_m, const struct belief_place *from,
+                          const struct belief_place *to)
+{
+    double time_s = (double)(to->at_us - from->at_us) * 1e-6;
+
+    return fmin(jump_m + SPEED_MAX_MPS * time_s - distance_m(from, to), JUMP_FULL_M);
+}
+
 static bool can_fly(const struct belief_place *from, const struct belief_place *to)
 {
-    double time_s = (double)(to->at_us - from->at_us) * 1e-6 + DELAY_S;
-
-    return distance_m(from, to) <= JUMP_MAX_M + SPEED_MAX_MPS * time_s;
+    return jump_left_m(JUMP_FULL_M, from, to) >= 0;
 }
 
 /* Was it said before, about there? */
@@ -185,13 +194,15 @@ static bool hear_place(struct belief *belief, double latitude_deg, double longit
 {
     struct belief_place place = {latitude_deg, longitude_deg, now_us};
     struct belief_track *track = &belief->place;
-    bool fits;
+    bool nowhere =
+        belief->no_fix || hypot(latitude_deg, longitude_deg) * METRES_PER_DEGREE < ZERO_M;
+    double left_m = track->known ? jump_left_m(belief->jump_m, &belief->at, &place) : -1;
+    bool fits = left_m >= 0;
 
-    if (isnan(latitude_deg) || belief->no_fix ||
-        hypot(latitude_deg, longitude_deg) * METRES_PER_DEGREE < ZERO_M) {
+    /* Once a place is believed, every other one has to be flown to, whatever is said of fixes. */
+    if (isnan(latitude_deg) || (nowhere && !track->known)) {
         return true; /* it says nothing of where it is */
     }
-    fits = track->known && can_fly(&belief->at, &place);
     if (track->known && !fits && !confirmed(belief, &place)) {
         track->other_seen = true;
         return false;
@@ -200,6 +211,7 @@ static bool hear_place(struct belief *belief, double latitude_deg, double longit
         return false;
     }
     belief->at = place;
+    belief->jump_m = fits ? left_m : JUMP_FULL_M;
     return true;
 }
 
@@ -209,7 +221,8 @@ static bool hear_utc(struct belief *belief, uint64_t unix_us, uint32_t boot_ms, 
 {
     int64_t offset_us, step_us;
 
-    if (unix_us < YEAR_2019_US || unix_us > YEAR_2100_US || belief->no_fix) {
+    if (unix_us < YEAR_2019_US || unix_us > YEAR_2100_US ||
+        (belief->no_fix && !belief->utc.known)) {
         return true; /* it says nothing of UTC */
     }
     offset_us = (int64_t)unix_us - (int64_t)boot_ms * 1000;
@@ -223,14 +236,11 @@ static bool hear_utc(struct belief *belief, uint64_t unix_us, uint32_t boot_ms, 
     return true;
 }
 
-/* What an autopilot without a fix says of place and time is nobody's word: its own next one would
- * contradict it. */
+/* What an autopilot says of place and time before its first fix is nobody's word: its own next one
+ * would contradict it. */
 static void hear_fix(struct belief *belief, uint8_t fix_type)
 {
     belief->no_fix = fix_type < FIX_TYPE_2D;
-    if (belief->no_fix) {
-        belief->utc.known = false;
-    }
 }
 
 /* ---- all of it ---- */

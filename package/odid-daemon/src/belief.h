@@ -48,6 +48,7 @@ struct belief {
     struct belief_track place, utc;
     bool no_fix;                 /* the autopilot's last GPS_RAW_INT said so */
     struct belief_place at;      /* the believed source's last */
+    double jump_m;               /* what it may still jump: fills up as fast as an aircraft flies */
     struct belief_place another; /* the last one that it can't have flown to; at_us 0: none */
     int64_t utc_offset_us;       /* UTC minus time since boot */
     bool sequence_known;

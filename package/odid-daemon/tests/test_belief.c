@@ -170,6 +170,37 @@ static void neither_do_native_ones(void **state)
     assert_true(telemetry_contradicted(telemetry, now_us));
 }
 
+/* A word for "no fix" opened the door to any place, and to any UTC. */
+static void what_is_believed_stands_whatever_is_said_of_fixes(void **state)
+{
+    const mavlink_gps_raw_int_t lost = {.fix_type = 0};
+
+    (void)state;
+    fly(10);
+    feed(numbered(utc(UNIX_US, boot_ms()), sequence++));
+    feed(numbered(frame_gps_raw_int(VEHICLE, AUTOPILOT, &lost), sequence));
+    assert_int_equal(feed(numbered(position(boot_ms() + 1, LATITUDE_E7 + FAR_E7), sequence)), 0);
+    assert_int_equal(feed(numbered(position(boot_ms() + 2, 5000), sequence)), 0);
+    assert_int_equal(feed(numbered(utc(UNIX_US + UINT64_C(3600000000), boot_ms()), sequence)), 0);
+    assert_int_equal(fly(1), 1);
+}
+
+/* Each of them would be flown in the time that delays leave open. */
+static void a_thousand_steps_in_one_instant_are_one(void **state)
+{
+    unsigned taken = 0;
+
+    (void)state;
+    fly(10);
+    for (int32_t step = 1; step <= 1000; step++) {
+        int32_t north_e7 = (int32_t)((now_us - start_us) / 1000 * 15 * 90 / 1000) + step * 6000;
+
+        taken += feed(
+            numbered(position(boot_ms() + (uint32_t)step / 10, LATITUDE_E7 + north_e7), sequence));
+    }
+    assert_int_equal(taken, 1);
+}
+
 static void the_fault_ends_with_the_attack(void **state)
 {
     (void)state;
@@ -335,6 +366,8 @@ int main(void)
         TEST(neither_do_those_with_the_right_time),
         TEST(neither_do_many_of_them),
         TEST(neither_do_native_ones),
+        TEST(what_is_believed_stands_whatever_is_said_of_fixes),
+        TEST(a_thousand_steps_in_one_instant_are_one),
         TEST(the_fault_ends_with_the_attack),
         TEST(a_source_that_changes_is_believed_after_a_second),
         TEST(after_a_silence_whoever_speaks_is_believed),
