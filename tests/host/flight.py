@@ -140,8 +140,8 @@ def _gps(link, craft):
     alt_mm = round((GROUND_MSL_M + craft.up_m) * 1000)
     course_cdeg = craft.course_cdeg if craft.speed_cm_s else 65535
     return [link.gps_raw_int_encode(
-        craft.unix_us, 3 if craft.time_s < craft.fix_until_s else 1, craft.latitude_e7, craft.longitude_e7, alt_mm, 80, 120, craft.speed_cm_s,
-        course_cdeg, 14, alt_mm + round(UNDULATION_M * 1000), 900, 1500, 200)]
+        craft.unix_us, 3 if craft.time_s < craft.fix_until_s else 1, craft.latitude_e7, craft.longitude_e7, alt_mm,
+        80, 120, craft.speed_cm_s, course_cdeg, 14, alt_mm + round(UNDULATION_M * 1000), 900, 1500, 200)]
 
 
 def _position(link, craft):

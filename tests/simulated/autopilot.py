@@ -59,9 +59,5 @@ class Autopilot:
         """Its clock now."""
         return BOOTED_MS + (self.world.now_us - self._begun_us) // 1000
 
-    def say(self, system_id, message):
-        """As another source on the same line, of that system."""
-        self.device.send(message.pack(common.MAVLink(None, srcSystem=system_id, srcComponent=1)))
-
     def close(self):
         self.played.close()

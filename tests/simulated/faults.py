@@ -5,7 +5,7 @@ from collections import namedtuple
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from pymavlink.dialects.v20 import common
+from bench.attacker import ARMED, CRAFTED, Speaker
 
 from .controller import DISALLOWED, SET_DATA, SET_EXTENDED_DATA
 
@@ -65,16 +65,12 @@ def for_5_s(every_us, say):
 
 def as_autopilot(system_id):
     """It says that it is armed, and where nobody flies."""
+    speaker = Speaker(system_id, 1)
+
     def say(flight):
-        boot_ms = flight.autopilot.boot_ms() + 200
-        flight.autopilot.say(system_id, common.MAVLink_heartbeat_message(1, 3, 0x81, 0, 4, 3))
-        flight.autopilot.say(system_id, common.MAVLink_global_position_int_message(
-            boot_ms, 100000000, 100000000, 90000, 9000, 100, 100, 0, 0))
+        flight.autopilot.device.send(speaker.heartbeat(ARMED))
+        flight.autopilot.device.send(speaker.position(flight.autopilot.boot_ms() + 200))
     return say
-
-
-# An unknown flag; the payload is full of start bytes.
-CRAFTED = bytes([0xFD, 255, 2, 0, 0, 255, 190, 0xFD, 0xFD, 0xFD]) + b"\xfd" * 257
 
 
 def say_crafted(flight):

@@ -25,7 +25,8 @@ WARM_UP_S = 5.0  # until all is on the air, and a position has come
 
 
 class Flight:
-    """link: "serial", or "udp" as behind mavlink-router. kept: as on the appliance, with odid-keeper, odid-recorder and odid-clock; else odid-daemon by itself."""
+    """link: "serial", or "udp" as behind mavlink-router. kept: as on the appliance, with odid-keeper, odid-recorder and
+    odid-clock; else odid-daemon by itself."""
 
     def __init__(self, folder, flight, seed=1, mode="full", loss=0.0, late=(0.0, 0), kept=False, link="serial"):
         self.folder, self.link = folder, link

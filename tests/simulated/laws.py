@@ -38,12 +38,18 @@ def broken_laws(flight, until_s):
     laws += [good_is_true(flight, heard), bad_is_true(flight), it_is_told(flight, until_s),
              faults_are_told(flight, until_s), costs(flight, until_s)]
     if flight.kept:
-        laws += [gaps_are_recorded(flight, heard), recorded_gaps_were(flight), clock_is_right(flight)]
+        gaps = recorded_gaps(flight)
+        laws += [gaps_are_recorded(flight, heard, gaps), recorded_gaps_were(flight, gaps), clock_is_right(flight)]
     return list(chain.from_iterable(laws))
 
 
 def seconds(mono):
     return mono - START_US / 1e6
+
+
+def lateness_s(flight):
+    """What two late wake-ups may add: to what is heard, and to what is said of it."""
+    return 2 * flight.world.late[1] / 1e6
 
 
 class Heard:
@@ -81,7 +87,7 @@ def just_restarted(flight, at_s):
 
 def was_away(flight, channel, at_s):
     """A radio that is there again begins with what it had before."""
-    return any(one.channel == channel and one.begin_s <= at_s <= one.back_s + one.fault.limit_s + 2 * flight.world.late[1] / 1e6
+    return any(one.channel == channel and one.begin_s <= at_s <= one.back_s + one.fault.limit_s + lateness_s(flight)
                for one in flight.windows)
 
 
@@ -94,7 +100,7 @@ def normally_s(flight, what):
 def waits(flight, channel, what, times, until_s):
     """A newer position, and every other message, within its time; where it was taken away, within the fault's time from its
     end on."""
-    late_s, ordinary_s = flight.world.late[1] / 1e6, normally_s(flight, what)
+    late_s, ordinary_s = lateness_s(flight), normally_s(flight, what)
     windows = [one for one in flight.windows if one.channel == channel]
     for before, after in pairwise([WARM_UP_S, *times, until_s]):
         since_s, limit_s = before, ordinary_s
@@ -102,7 +108,7 @@ def waits(flight, channel, what, times, until_s):
             # Until the next one after its end it is the fault's time that counts.
             if one.begin_s - ordinary_s < after and one.back_s + one.fault.limit_s > before:
                 since_s = max(since_s, min(one.back_s, after))
-                limit_s = max(limit_s, one.fault.limit_s + ordinary_s - NEWER_S + 2 * late_s)
+                limit_s = max(limit_s, one.fault.limit_s + ordinary_s - NEWER_S + late_s)
         if after - since_s > limit_s:
             yield f"{channel}: no {what} from {before:.3f} to {after:.3f} s, {limit_s:.2f} s allowed from {since_s:.3f} s on"
 
@@ -121,13 +127,13 @@ def good_is_true(flight, heard):
             place = bisect_right(times, at_s)
             last_s = times[place - 1] if place else 0.0
             soon = times[place:place + 1] and times[place] - at_s < normally_s(flight, "newer position")
-            if at_s - last_s > GOOD_S + 2 * flight.world.late[1] / 1e6 and not soon:
+            if at_s - last_s > GOOD_S + lateness_s(flight) and not soon:
                 yield f"{channel}: \"good to arm\" at {at_s:.3f} s, the last newer position was heard at {last_s:.3f} s"
 
 
 def bad_is_true(flight):
     """Nor that something is wrong where nothing is."""
-    late_s = 2 * flight.world.late[1] / 1e6
+    late_s = lateness_s(flight)
     for told in flight.autopilot.said:
         at_s = seconds(told.mono)
         if not told.good and at_s > WARM_UP_S and not any(
@@ -146,7 +152,7 @@ def faults_are_told(flight, until_s):
 
 def it_is_told(flight, until_s):
     """Every second; but where the autopilot can't hear it, or nobody is there to say it."""
-    late_s = 2 * flight.world.late[1] / 1e6
+    late_s = lateness_s(flight)
     nobody = [one for one in flight.windows if one.channel == ALL[0] and one.fault.channels == ALL]
     for before, after in pairwise([WARM_UP_S, *(seconds(told.mono) for told in flight.autopilot.said), until_s]):
         if after - before > TOLD_S + late_s and not any(
@@ -163,9 +169,8 @@ def recorded_gaps(flight):
             for one in flight.record()["events"] if one["event"] == "gap"]
 
 
-def gaps_are_recorded(flight, heard):
+def gaps_are_recorded(flight, heard, found):
     """Where nobody heard anything newer for long, and it was taken away, the record has it."""
-    found = recorded_gaps(flight)
     for channel, track in heard.items():
         for before, after in pairwise(track.times["newer position"]):
             taken = any(one.channel == channel and one.fault.channels != ALL and one.begin_s < after and one.back_s > before
@@ -175,9 +180,9 @@ def gaps_are_recorded(flight, heard):
                 yield f"{channel}: silent from {before:.3f} to {after:.3f} s, and the flight record doesn't say so"
 
 
-def recorded_gaps_were(flight):
+def recorded_gaps_were(flight, found):
     """And nothing else."""
-    for channel, begin, end in recorded_gaps(flight):
+    for channel, begin, end in found:
         if not any(one.channel == channel and one.begin_s < end and one.back_s + one.fault.limit_s + RECORD_S > begin
                    for one in flight.windows):
             yield f"{channel}: the flight record has a gap from {begin:.3f} to {end:.3f} s, and there was none"

@@ -43,7 +43,12 @@
 #define END_OF_WORLD 99 /* exit code: the world has gone */
 
 /* The next definition of a function behind this one: libc's. */
-#define NEXT(name) ((__typeof__(&name))next(#name))
+#define NEXT(name)                                                                                 \
+    ({                                                                                             \
+        static __typeof__(&name) found_##name;                                                     \
+        found_##name = found_##name != NULL ? found_##name : (__typeof__(&name))next(#name);       \
+        found_##name;                                                                              \
+    })
 
 enum file_kind { FILE_UNKNOWN, FILE_OF_OURS, FILE_OF_OTHERS, FILE_DEVICE };
 
@@ -199,16 +204,12 @@ static int64_t until_us(int timeout_ms)
 
 int epoll_wait(int epoll, struct epoll_event *events, int size, int timeout_ms)
 {
-    static __typeof__(&epoll_wait) wait;
     int64_t end_us = until_us(timeout_ms);
     int count;
 
-    if (wait == NULL) {
-        wait = NEXT(epoll_wait);
-    }
     for (;;) {
         expire();
-        count = wait(epoll, events, size, 0);
+        count = NEXT(epoll_wait)(epoll, events, size, 0);
         if (count != 0 || end_us <= self.now.us) {
             return count;
         }
@@ -287,24 +288,14 @@ static void touch(int fd)
 
 ssize_t write(int fd, const void *octets, size_t size)
 {
-    static __typeof__(&write) really;
-
-    if (really == NULL) {
-        really = NEXT(write);
-    }
     touch(fd);
-    return really(fd, octets, size);
+    return NEXT(write)(fd, octets, size);
 }
 
 ssize_t send(int fd, const void *octets, size_t size, int flags)
 {
-    static __typeof__(&send) really;
-
-    if (really == NULL) {
-        really = NEXT(send);
-    }
     touch(fd);
-    return really(fd, octets, size, flags);
+    return NEXT(send)(fd, octets, size, flags);
 }
 
 ssize_t sendto(int fd, const void *octets, size_t size, int flags, const struct sockaddr *to,

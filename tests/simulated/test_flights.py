@@ -33,14 +33,18 @@ def make_flight(tmp_path, log):
         one.end()
 
 
-@pytest.mark.parametrize("mode", front.MODES)
-def test_everything_is_right_by_each_kind_of_chip(make_flight, mode):
-    """In every field, on every channel, and in time: the judge's whole set of rules."""
-    flight = make_flight(mode=mode)
+def passed(flight):
+    """The flown flight's judgement: none of the judge's rules was broken."""
     flight.fly(FLIGHT_S)
     judgement = flight.judged()
     assert judgement.verdict == "PASS", judgement.findings.violations
-    figures = judgement.figures
+    return judgement
+
+
+@pytest.mark.parametrize("mode", front.MODES)
+def test_everything_is_right_by_each_kind_of_chip(make_flight, mode):
+    """In every field, on every channel, and in time: the judge's whole set of rules."""
+    figures = passed(make_flight(mode=mode)).figures
     slow = mode == "bcm43455"
     assert figures["bt4_location_content_p99_s"] <= (0.40 if slow else 0.30)
     assert figures["bt4_location_content_max_s"] <= (0.50 if slow else 0.40)
@@ -51,42 +55,29 @@ def test_everything_is_right_by_each_kind_of_chip(make_flight, mode):
 
 
 def test_everything_is_right_behind_a_router(make_flight):
-    flight = make_flight(link="udp")
-    flight.fly(FLIGHT_S)
-    judgement = flight.judged()
-    assert judgement.verdict == "PASS", judgement.findings.violations
+    passed(make_flight(link="udp"))
 
 
 def test_the_recorded_flight_is_right(make_flight):
     recorded = parts.recorded_flight()
     if not recorded.is_file():
         pytest.skip(f"{recorded.name} isn't in TEST_DATA")
-    flight = make_flight(flight=recorded)
-    flight.fly(FLIGHT_S)
-    judgement = flight.judged()
-    assert judgement.verdict == "PASS", judgement.findings.violations
+    passed(make_flight(flight=recorded))
 
 
 @pytest.mark.parametrize("every_s", [0.9, 1.0, 1.1, 1.5])
 def test_native_messages_beside_faster_telemetry_age_nothing(make_flight, tmp_path, every_s):
     write_flight(tmp_path / "native.tlog", FLIGHT_S + 10, native_hz=1 / every_s)
-    ages = []
-    for flight in (make_flight(), make_flight(flight=tmp_path / "native.tlog")):
-        flight.fly(FLIGHT_S)
-        judgement = flight.judged()
-        assert judgement.verdict == "PASS", judgement.findings.violations
-        ages.append(judgement.figures["bt4_position_age_p99_s"])
-    assert ages[1] <= ages[0] + 0.01
+    without, beside = (passed(flight).figures["bt4_position_age_p99_s"]
+                       for flight in (make_flight(), make_flight(flight=tmp_path / "native.tlog")))
+    assert beside <= without + 0.01
 
 
 @pytest.mark.parametrize("seed", range(1, 6))
 def test_a_machine_that_is_late_loses_no_message(make_flight, seed):
     """Three of ten times, by up to 150 ms, which is more than a slot: every limit of the rules is kept, and no payload is
     replaced before it was sent."""
-    flight = make_flight(seed=seed, late=(0.3, 150_000))
-    flight.fly(FLIGHT_S)
-    judgement = flight.judged()
-    assert judgement.verdict == "PASS", judgement.findings.violations
+    passed(make_flight(seed=seed, late=(0.3, 150_000)))
 
 
 def test_the_same_seed_gives_the_same_octets(make_flight):

@@ -56,8 +56,11 @@ def test_a_gap_that_is_not_in_the_record_is_missed(harmed, monkeypatch):
 def test_what_it_costs_is_seen(harmed, monkeypatch):
     daemon = harmed.world.called("odid-daemon")
     monkeypatch.setattr(harmed, "costs_at_first", (daemon.pid, 3, 100))
+    monkeypatch.setattr(harmed, "kept", False)  # a kept one is woken for the others, too
+    monkeypatch.setattr(daemon, "wakeups", 61 * FLIGHT_S)
     broken = broken_laws(harmed, FLIGHT_S)
     assert any("descriptors" in one for one in broken) and any("KiB of memory" in one for one in broken)
+    assert any("wake-ups" in one for one in broken)
 
 
 def test_a_clock_that_is_off_is_seen(harmed, monkeypatch):

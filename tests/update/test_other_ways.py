@@ -13,6 +13,7 @@ from .sticks import blank, plug, pull, stick
 
 pytestmark = LONG
 
+
 def exfat_stick(ready, name, *files):
     """Nothing on this machine writes that without being its root: the appliance's own driver does."""
     image, machine = blank(name, files), ready.machine

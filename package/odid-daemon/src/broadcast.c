@@ -146,6 +146,7 @@ static void renew_beacon(const struct aircraft_view *view, int64_t now_us)
     if (now_us - self.beacon_us >= BEACON_US && view->location.fix_us > self.beacon_fix_us) {
         self.beacon_fix_us = view->location.fix_us;
         set_beacon(pack, messages_pack(view, pack), now_us);
+        keep_counters();
     }
 }
 
@@ -160,6 +161,7 @@ static void renew_legacy(const struct aircraft_view *view, int64_t now_us)
         self.legacy_fix_us = view->location.fix_us;
         self.renewed = true;
         set_legacy(view, MESSAGE_LOCATION, 0, now_us);
+        keep_counters();
         break;
     case BLUETOOTH_FITS_LATER:
         if (now_us + RETRY_US < self.until_us) {
@@ -178,7 +180,6 @@ static void renew(int64_t now_us)
     aircraft_view(self.aircraft, now_us, &view);
     renew_beacon(&view, now_us);
     renew_legacy(&view, now_us);
-    keep_counters();
 }
 
 static void on_retry(void *context, int64_t now_us)

@@ -77,19 +77,25 @@ static void no_secret_in_the_environment(void **state)
 }
 
 /* The appliance's password is odidctl's concern: the daemon keeps none. */
+static void write_configuration(char path[], const char *text)
+{
+    int fd = mkstemp(path);
+
+    assert_true(fd >= 0);
+    assert_int_equal(write(fd, text, strlen(text)), (ssize_t)strlen(text));
+    close(fd);
+    optind = 1;
+}
+
 static void no_password_is_kept(void **state)
 {
     static struct options options;
     char path[] = "/tmp/odid-options-XXXXXX";
     static const char text[] = "[maintenance]\npassword = hunter2hunter2\nat_boot = yes\n";
     char *arguments[] = {"odid-daemon", "-config", path, NULL};
-    int fd = mkstemp(path);
 
     (void)state;
-    assert_true(fd >= 0);
-    assert_int_equal(write(fd, text, strlen(text)), (ssize_t)strlen(text));
-    close(fd);
-    optind = 1;
+    write_configuration(path, text);
     assert_true(options_read(&options, 3, arguments));
     assert_int_equal(options.errors, 0);
     assert_true(options.config.maintenance_at_boot);
@@ -109,13 +115,9 @@ static void the_appliances_places_are_the_images(void **state)
                                "[mavlink]\nudp_address = 0.0.0.0\nudp_port = 14560\n"
                                "[broadcast]\nhostapd_dir = /tmp/hostapd\n";
     char *arguments[] = {"odid-daemon", "-appliance", "-config", path, NULL};
-    int fd = mkstemp(path);
 
     (void)state;
-    assert_true(fd >= 0);
-    assert_int_equal(write(fd, text, strlen(text)), (ssize_t)strlen(text));
-    close(fd);
-    optind = 1;
+    write_configuration(path, text);
     assert_true(options_read(&options, 4, arguments));
     assert_string_equal(options.config.run_dir, "/run/odid");
     assert_string_equal(options.config.user, "odid");
