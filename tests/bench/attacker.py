@@ -30,6 +30,10 @@ class Speaker:
         return common.MAVLink_global_position_int_message(
             boot_ms, ELSEWHERE_E7, ELSEWHERE_E7, 90000, 9000, 100, 100, 0, 0).pack(self._link)
 
+    def fix(self, fix_type):
+        """Of a receiver."""
+        return common.MAVLink_gps_raw_int_message(0, fix_type, 0, 0, 0, 0, 0, 0, 0, 0).pack(self._link)
+
 
 class Attacker:
     """Keeps where the telemetry comes from, and what the vehicle's clock says."""

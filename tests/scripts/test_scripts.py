@@ -342,6 +342,40 @@ def test_maintenance_opens_and_closes_without_a_restart(appliance):
     assert not any("hostapd" in call for call in appliance.calls() if call.startswith("sv "))
 
 
+LOCK = """#!/bin/sh
+[ "$(readlink /proc/$PPID/fd/$1)" = /run/access-point.lock ] || exit 1
+echo locked >>/calls
+%s
+"""
+
+
+def lock(appliance, meanwhile=""):
+    """meanwhile: what the one does that had the lock until now."""
+    appliance.write("usr/bin/flock", LOCK % meanwhile)
+
+
+def test_a_setting_that_is_saved_while_maintenance_ends_leaves_it_closed(appliance):
+    appliance.write("data/secrets/maintenance.psk", KEY + "\n")
+    appliance.write("run/odid-appliance/maintenance", "on\n")
+    hostapd(appliance)
+    lock(appliance, "echo off >/run/odid-appliance/maintenance")
+    appliance.settings(wifi__channel="11")
+    appliance.write("lib/odid/board-settings", "#!/bin/sh\n")  # there is no boot loader here
+    appliance.run("/lib/odid/apply-configuration")
+    assert "locked" in appliance.calls()
+    made = appliance.read("run/hostapd.conf").splitlines()
+    assert "channel=11" in made and "max_num_sta=0" in made
+    assert KEY not in appliance.read("run/hostapd.psk")
+
+
+@pytest.mark.parametrize("word", ["on", "off"])
+def test_maintenance_changes_nothing_before_it_has_the_lock(appliance, word):
+    appliance.write("data/secrets/maintenance.psk", KEY + "\n")
+    lock(appliance)
+    appliance.must(f"/lib/odid/maintenance {word}")
+    assert appliance.calls()[0] == "locked"
+
+
 def test_the_page_is_there_by_cable_whatever_the_access_point_does(appliance):
     appliance.write("data/secrets/maintenance.psk", KEY + "\n")
     appliance.must("/lib/odid/maintenance on")  # there is no wlan0

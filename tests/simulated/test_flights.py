@@ -1,7 +1,10 @@
 """Flights in the simulated world: what is on the air, and how soon it is there again. No machine is late here, so every
 limit is the daemon's own, in the thousandths of a second that the models leave it."""
 
+from itertools import pairwise
+
 import pytest
+from bench.attacker import Speaker
 from host import front, parts
 from host.flight import write_flight
 
@@ -110,6 +113,22 @@ def test_a_silent_autopilot_is_a_failure_that_is_said(make_flight):
         failed = [heard.reception.mono - START_US / 1e6 for heard, location in track.of_type("location")
                   if location.status == 4 and heard.reception.mono > START_US / 1e6 + 10]
         assert AT_S + 3.0 <= min(failed) < AT_S + 3.5, track.channel
+
+
+def test_a_forged_word_for_no_fix_takes_no_position_off_the_air(make_flight):
+    """Twenty-five times a second, beside the receiver's own word each second: within eight seconds it is known that two
+    speak, and told, and from then on theirs has no effect."""
+    flight, forger, lasts_s, known_s = make_flight(), Speaker(1, 1), 30, 8
+    for number in range(lasts_s * 25):
+        flight.at(AT_S + number / 25, lambda: flight.autopilot.device.send(forger.fix(1)))
+    flight.fly(AT_S + lasts_s)
+    known_us = START_US + (AT_S + known_s) * 1_000_000
+    for track in flight.judged().tracks:
+        new = [heard.reception.mono for (_, before), (heard, location) in pairwise(track.of_type("location"))
+               if location.raw != before.raw and heard.reception.mono > known_us / 1e6]
+        assert len(new) > 80 and max(after - before for before, after in pairwise(new)) <= 0.6, track.channel
+    told = [one for one in flight.autopilot.said if one.mono > known_us / 1e6]
+    assert told and not any(one.good for one in told)
 
 
 def test_armed_is_written_down_as_soon_as_it_can_be(make_flight):

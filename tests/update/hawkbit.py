@@ -49,6 +49,7 @@ class HawkBit:
         self.polls = self.octets = 0        # octets: of both directions, above TCP and TLS
         self.attributes, self.feedback, self.violations, self.refused = {}, [], [], 0
         self.break_at, self.resumed_at = None, []       # octets of a bundle
+        self.breaks_for_good = False                    # nothing comes of what is asked for then
         self.pause_s = self.downloads = 0               # before a bundle comes, as over LTE; how often one was asked for
         self.rate = None                                # octets a second of a bundle
         self.closes = False                             # each connection, after one answer
@@ -178,7 +179,8 @@ class HawkBit:
         if part:
             start = int(part[1])
             self.resumed_at.append(start)
-            request.give(206, data[start:], kind, Content_Range=f"bytes {start}-{len(data) - 1}/{len(data)}")
+            request.give(206, data[start:], kind, lost=len(data) - start if self.breaks_for_good else 0,
+                         Content_Range=f"bytes {start}-{len(data) - 1}/{len(data)}")
         else:
             request.give(200, data, kind, lost=len(data) - self.break_at if self.break_at else 0)
 

@@ -68,6 +68,22 @@ def test_a_connection_that_breaks_is_taken_up_where_it_was(ready, server):
     assert not server.violations
 
 
+def test_a_server_that_breaks_off_is_left_alone_for_a_while(ready, server):
+    """Else it begins again at once, and a server that gives a percent now and then keeps the aircraft on the ground."""
+    bundle = bundles.bundle("good", NEWER)
+    server.break_at, server.breaks_for_good = bundle.stat().st_size // 3, True
+    server.offer(22, bundle, NEWER)
+    ready.wait_state("installing")
+    ready.wait_state("idle")
+    assert ready.result()["outcome"] == "refused"
+    ready.wait_ready()
+    polls = server.polls
+    time.sleep(4 * server.poll_s)
+    assert server.polls == polls
+    assert ready.machine.run("test -e /run/updating")[0] != 0
+    assert ready.protected()
+
+
 def test_a_rolled_back_one_is_reported(ready, server):
     before = ready.starts()
     server.offer(18, bundles.bundle("no_bluetooth", NEWER, NO_BLUETOOTH.changes), NEWER)

@@ -190,6 +190,7 @@ static void datagram(void)
     send_as(stream & 7, id, as_vehicle ? impostors[sender].system : strangers[sender].system,
             as_vehicle ? impostors[sender].component : strangers[sender].component, number,
             &message);
+    judge();
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)

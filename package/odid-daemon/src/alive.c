@@ -2,12 +2,11 @@
 
 #include <errno.h>
 #include <fcntl.h>
-#include <limits.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "inherited.h"
 #include "log.h"
 #include "loop.h"
 
@@ -18,20 +17,6 @@ static struct {
     struct loop_timer timer;
     int64_t due_us;
 } self = {.fd = -1};
-
-static int parse_number(const char *text, int *fd)
-{
-    char *end;
-    long value;
-
-    errno = 0;
-    value = strtol(text, &end, 10);
-    if (text[0] < '0' || text[0] > '9' || *end != '\0' || errno != 0 || value > INT_MAX) {
-        return -EINVAL;
-    }
-    *fd = (int)value;
-    return 0;
-}
 
 /* Only a pipe that may be written to: a wrong number must not put bytes into anything else. */
 static int take_pipe(int fd)
@@ -45,33 +30,20 @@ static int take_pipe(int fd)
     if (!S_ISFIFO(status.st_mode) || (flags & O_ACCMODE) == O_RDONLY) {
         return -ENOTSUP;
     }
-    if (fcntl(fd, F_SETFL, flags | O_NONBLOCK) < 0 || fcntl(fd, F_SETFD, FD_CLOEXEC) < 0) {
-        return -errno;
-    }
-    return 0;
+    return fcntl(fd, F_SETFL, flags | O_NONBLOCK) < 0 ? -errno : 0;
 }
 
 void alive_open(void)
 {
-    const char *text = getenv(ALIVE_VARIABLE);
-    int fd = -1, result;
+    int fd = inherited_take(ALIVE_VARIABLE);
+    int result = fd < 0 ? fd : take_pipe(fd);
 
-    self.fd = -1;
-    if (text == NULL) {
-        return;
+    self.fd = result < 0 ? -1 : fd;
+    if (result < 0 && result != -ENOENT) {
+        log_warning("%s names no pipe to write to (%s): the keeper hears nothing, and will start "
+                    "the daemon again",
+                    ALIVE_VARIABLE, strerror(-result));
     }
-    result = parse_number(text, &fd);
-    if (result == 0) {
-        result = take_pipe(fd);
-    }
-    if (result < 0) {
-        log_warning("%s is \"%s\", and not the number of a pipe to write to (%s): the keeper hears "
-                    "nothing, and will start the daemon again",
-                    ALIVE_VARIABLE, text, strerror(-result));
-    } else {
-        self.fd = fd;
-    }
-    unsetenv(ALIVE_VARIABLE);
 }
 
 static void on_timer(void *context, int64_t now_us)

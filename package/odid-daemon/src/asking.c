@@ -9,6 +9,7 @@
 #define SETTLE_US 2000000
 #define AGAIN_US 3000000
 #define AGAIN_MAX_US 48000000
+#define VITAL_AGAIN_MAX_US 6000000
 /* So much slower than it was asked for is as often as needed. */
 #define SLOWER(interval_us) ((interval_us)*13 / 10)
 #define MISSED 3
@@ -47,6 +48,11 @@ static bool is_refused(const struct asking *asking, unsigned which)
 static bool is_given_up(const struct asking *asking, unsigned which)
 {
     return which >= VITAL && is_refused(asking, which);
+}
+
+static int64_t longest_wait_us(unsigned which)
+{
+    return which < VITAL ? VITAL_AGAIN_MAX_US : AGAIN_MAX_US;
 }
 
 static void take_answer(struct asking *asking, const struct telemetry_update *update)
@@ -111,7 +117,7 @@ bool asking_next(struct asking *asking, int64_t now_us, struct asking_request *r
             asking->asked = i;
             asking->asked_us = now_us;
             message->from_us = now_us + message->wait_us;
-            message->wait_us *= message->wait_us < AGAIN_MAX_US ? 2 : 1;
+            message->wait_us *= message->wait_us < longest_wait_us((unsigned)i) ? 2 : 1;
             message->heard_us = INT64_MIN; /* measured anew */
             message->mean_us = 0;
         }

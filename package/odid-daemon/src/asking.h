@@ -6,10 +6,10 @@
  * what was asked for.
  *
  * Pure. One message at a time, so that an answer is that one's. What was
- * refused twice isn't asked for again before the autopilot restarts (but for
- * GPS_RAW_INT and GLOBAL_POSITION_INT: no position without); what is ignored
- * is asked for more and more seldom, down to once in 48 s, and again within 5 s
- * when it came and stops.
+ * refused twice isn't asked for again before the autopilot restarts; what is
+ * ignored is asked for more and more seldom, down to once in 48 s, and again
+ * within 5 s when it came and stops. GPS_RAW_INT and GLOBAL_POSITION_INT, no
+ * position without, are asked for once in 6 s at least, whatever is answered.
  */
 #ifndef ODID_ASKING_H
 #define ODID_ASKING_H

@@ -28,6 +28,8 @@
 #define METRES_PER_DEGREE 111320.0
 #define ZERO_M 1000.0 /* so near to 0,0 only an estimator is, that has no fix */
 #define FIX_TYPE_2D 2 /* GPS_FIX_TYPE */
+#define FIX_TYPE_3D 3
+#define SEPARATION_STEP_MAX_M 5.0 /* the geoid changes by metres over tens of kilometres */
 /* Another place is confirmed by one that comes within this time, and was flown to from there. */
 #define CONFIRMED_US 15000000
 
@@ -42,6 +44,7 @@ void belief_reset(struct belief *belief)
 
     memset(belief, 0, sizeof(*belief));
     belief->contradictions = contradictions;
+    belief->separation_m = NAN;
     for (unsigned i = 0; i < BELIEF_FAULT_COUNT; i++) {
         belief->contradicted_us[i] = INT64_MIN;
     }
@@ -236,11 +239,35 @@ static bool hear_utc(struct belief *belief, uint64_t unix_us, uint32_t boot_ms, 
     return true;
 }
 
-/* What an autopilot says of place and time before its first fix is nobody's word: its own next one
- * would contradict it. */
-static void hear_fix(struct belief *belief, uint8_t fix_type)
+/* ---- fixes ---- */
+
+/*
+ * The track is that of a receiver's words for a fix. A receiver at the edge of
+ * one has it now and then, which is no contradiction; but it doesn't lose it
+ * right after it said that it has one, and find it again. As long as nobody
+ * contradicts, "no fix" counts at once; else when no other word comes any more,
+ * for it would take the aircraft's position off the air.
+ */
+static bool hear_fix(struct belief *belief, uint8_t fix_type, double separation_m, int64_t now_us)
 {
-    belief->no_fix = fix_type < FIX_TYPE_2D;
+    struct belief_track *track = &belief->fix;
+    int64_t since_us = now_us - track->heard_us;
+    bool has_fix = fix_type >= FIX_TYPE_2D, same_geoid;
+
+    separation_m = fix_type >= FIX_TYPE_3D ? separation_m : NAN;
+    same_geoid = !(fabs(separation_m - belief->separation_m) > SEPARATION_STEP_MAX_M);
+    if (track->known && !(has_fix && same_geoid)) {
+        track->other_seen = track->other_seen || !same_geoid || since_us < track->interval_us / 4;
+        if (patient(track, now_us) && (!same_geoid || belief_contradicted(belief, now_us))) {
+            return false;
+        }
+    }
+    belief->no_fix = !has_fix;
+    if (has_fix) {
+        hear(belief, track, since_us < PATIENCE_MAX_US, now_us);
+        belief->separation_m = isnan(separation_m) ? belief->separation_m : separation_m;
+    }
+    return true;
 }
 
 /* ---- all of it ---- */
@@ -256,8 +283,7 @@ bool belief_take(struct belief *belief, const struct telemetry_update *update, i
         return hear_clock(belief, &belief->boot, update->system_time.boot_ms, 0, now_us) &&
                hear_utc(belief, update->system_time.unix_us, update->system_time.boot_ms, now_us);
     case TELEMETRY_GPS_RAW:
-        hear_fix(belief, update->gps_raw.fix_type);
-        return true;
+        return hear_fix(belief, update->gps_raw.fix_type, update->gps_raw.separation_m, now_us);
     case TELEMETRY_LOCATION:
         return (isnan(update->location.timestamp_s) ||
                 hear_clock(belief, &belief->native, (uint32_t)(update->location.timestamp_s * 1000),
@@ -269,17 +295,16 @@ bool belief_take(struct belief *belief, const struct telemetry_update *update, i
     }
 }
 
-void belief_sequence(struct belief *belief, uint8_t sequence, uint16_t checksum, int64_t now_us)
+void belief_sequence(struct belief *belief, uint8_t sequence, bool again, int64_t now_us)
 {
     uint8_t step = (uint8_t)(sequence - belief->sequence);
 
     if (belief->sequence_known && now_us - belief->sequence_us < SEQUENCE_FRESH_US &&
-        (step == 0 ? checksum != belief->checksum : step > INT8_MAX)) {
+        (step == 0 ? !again : step > INT8_MAX)) {
         contradict(belief, now_us);
     }
     belief->sequence_known = true;
     belief->sequence = sequence;
-    belief->checksum = checksum;
     belief->sequence_us = now_us;
 }
 

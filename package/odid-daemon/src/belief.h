@@ -9,7 +9,9 @@
  * its usual intervals, 1 s at least, 5 s at most. A source that changes (an
  * autopilot's restart, a position that was corrected) is therefore believed
  * after about a second; two that take turns contradict each other. A place that
- * it can't have flown to has to be said twice, whenever it comes.
+ * it can't have flown to has to be said twice, whenever it comes. While two
+ * sources contradict each other a receiver's "no fix" counts only when nobody
+ * says otherwise any more.
  */
 #ifndef ODID_BELIEF_H
 #define ODID_BELIEF_H
@@ -45,15 +47,15 @@ struct belief_place {
 
 struct belief {
     struct belief_clock boot, native; /* time since boot; native messages': since the full hour */
-    struct belief_track place, utc;
-    bool no_fix;                 /* the autopilot's last GPS_RAW_INT said so */
+    struct belief_track place, utc, fix;
+    bool no_fix;                 /* the believed GPS_RAW_INT says so */
+    double separation_m;         /* of ellipsoid and geoid there; NAN: not known */
     struct belief_place at;      /* the believed source's last */
     double jump_m;               /* what it may still jump: fills up as fast as an aircraft flies */
     struct belief_place another; /* the last one that it can't have flown to; at_us 0: none */
     int64_t utc_offset_us;       /* UTC minus time since boot */
     bool sequence_known;
     uint8_t sequence;
-    uint16_t checksum;
     int64_t sequence_us;                         /* when that came */
     int64_t contradicted_us[BELIEF_FAULT_COUNT]; /* the latest ones, by turns */
     uint64_t contradictions;
@@ -70,11 +72,13 @@ bool belief_take(struct belief *belief, const struct telemetry_update *update, i
 
 /*
  * The number of a frame of the vehicle's autopilot: one that goes back within
- * 100 ms is a contradiction, and so is the same number on another frame (by its
- * checksum). In more time, more than half of all numbers may have been lost, or
- * have gone to others only (a log that is downloaded).
+ * 100 ms is a contradiction, and so is the same number on another frame. In more
+ * time, more than half of all numbers may have been lost, or have gone to others
+ * only (a log that is downloaded).
+ *
+ * again: it is the frame before, octet by octet.
  */
-void belief_sequence(struct belief *belief, uint8_t sequence, uint16_t checksum, int64_t now_us);
+void belief_sequence(struct belief *belief, uint8_t sequence, bool again, int64_t now_us);
 
 /* The next frame comes by another link of the autopilot's, which has numbers of its own. */
 void belief_new_link(struct belief *belief);

@@ -12,6 +12,8 @@
 #include <unistd.h>
 
 #include "alive.h"
+#include "inherited.h"
+#include "link_socket.h"
 #include "log.h"
 
 #define NOT_EXECUTED 127
@@ -86,14 +88,13 @@ static void forget_signals(void)
 }
 
 __attribute__((noreturn)) static void become(char *const command[], bool log_mode, int alive,
-                                             pid_t keeper)
+                                             int link_socket, pid_t keeper)
 {
     const char **words = log_mode ? with_log_mode(command) : (const char **)command;
-    char number[16];
 
-    snprintf(number, sizeof(number), "%d", alive);
-    if (prctl(PR_SET_PDEATHSIG, SIGKILL) < 0 || fcntl(alive, F_SETFD, 0) < 0 ||
-        setenv(ALIVE_VARIABLE, number, 1) < 0 || words == NULL) {
+    if (prctl(PR_SET_PDEATHSIG, SIGKILL) < 0 || inherited_give(ALIVE_VARIABLE, alive) < 0 ||
+        (link_socket >= 0 && inherited_give(LINK_SOCKET_VARIABLE, link_socket) < 0) ||
+        words == NULL) {
         log_error("can't prepare the daemon's start: %s", strerror(errno));
         _exit(NOT_EXECUTED);
     }
@@ -108,7 +109,8 @@ __attribute__((noreturn)) static void become(char *const command[], bool log_mod
 
 /* ---- in the keeper ---- */
 
-int keeper_process_start(struct keeper_process *process, char *const command[], bool log_mode)
+int keeper_process_start(struct keeper_process *process, char *const command[], bool log_mode,
+                         int link_socket)
 {
     pid_t keeper = getpid();
     int ends[2], result;
@@ -130,7 +132,7 @@ int keeper_process_start(struct keeper_process *process, char *const command[], 
     }
     process->pid = fork();
     if (process->pid == 0) {
-        become(command, log_mode, ends[1], keeper);
+        become(command, log_mode, ends[1], link_socket, keeper);
     }
     result = process->pid < 0 ? -errno : 0;
     close(ends[1]);

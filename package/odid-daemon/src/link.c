@@ -3,6 +3,7 @@
 #include <arpa/inet.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <linux/sock_diag.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/epoll.h>
@@ -10,6 +11,8 @@
 #include <termios.h>
 #include <unistd.h>
 
+#include "inherited.h"
+#include "link_socket.h"
 #include "log.h"
 #include "loop.h"
 #include "serial.h"
@@ -21,6 +24,7 @@
  * second are ten times what a telemetry port brings. */
 #define READS_MAX 32
 #define PAUSE_US 5000
+#define WAITING_MAX 4096 /* datagrams: more than a socket's buffer holds */
 /* A UDP sender that was silent for this long isn't counted any more. */
 #define SENDER_PRESENT_US 10000000
 
@@ -40,7 +44,8 @@ static struct {
     int64_t heard_us; /* the last byte, or the opening */
     struct sender senders[TELEMETRY_STREAMS];
     uint32_t overrun_seen; /* as the kernel said last of this socket */
-} self = {.watch.fd = -1};
+    int handed_down;       /* the keeper's UDP socket, ours too; < 0: there is none */
+} self = {.watch.fd = -1, .handed_down = -1};
 
 static void enter(enum link_state state, int64_t now_us)
 {
@@ -176,40 +181,22 @@ static void count_senders(int64_t now_us)
     }
 }
 
-/* What the kernel has dropped since the socket was opened, as it says with each datagram. */
-static void note_overrun(struct msghdr *message)
+/* What the kernel had no room for since the socket was opened; it may be older than we are. */
+static uint32_t dropped_by_kernel(int fd)
 {
-    for (struct cmsghdr *part = CMSG_FIRSTHDR(message); part != NULL;
-         part = CMSG_NXTHDR(message, part)) {
-        uint32_t dropped;
+    uint32_t numbers[SK_MEMINFO_VARS] = {0};
+    socklen_t size = sizeof(numbers);
 
-        if (part->cmsg_level == SOL_SOCKET && part->cmsg_type == SO_RXQ_OVFL) {
-            memcpy(&dropped, CMSG_DATA(part), sizeof(dropped));
-            self.status.overrun += (uint32_t)(dropped - self.overrun_seen);
-            self.overrun_seen = dropped;
-        }
-    }
+    return getsockopt(fd, SOL_SOCKET, SO_MEMINFO, numbers, &size) == 0 ? numbers[SK_MEMINFO_DROPS]
+                                                                       : self.overrun_seen;
 }
 
-static ssize_t receive(uint8_t *datagram, size_t size, struct sockaddr_in *from)
+static void note_overrun(void)
 {
-    union {
-        char octets[CMSG_SPACE(sizeof(uint32_t))];
-        struct cmsghdr aligned;
-    } control;
-    struct iovec into = {.iov_base = datagram, .iov_len = size};
-    struct msghdr message = {.msg_name = from,
-                             .msg_namelen = sizeof(*from),
-                             .msg_iov = &into,
-                             .msg_iovlen = 1,
-                             .msg_control = &control,
-                             .msg_controllen = sizeof(control)};
-    ssize_t length = recvmsg(self.watch.fd, &message, 0);
+    uint32_t dropped = dropped_by_kernel(self.watch.fd);
 
-    if (length >= 0) {
-        note_overrun(&message);
-    }
-    return length;
+    self.status.overrun += (uint32_t)(dropped - self.overrun_seen);
+    self.overrun_seen = dropped;
 }
 
 static void on_udp(void *context, uint32_t events, int64_t now_us)
@@ -221,7 +208,9 @@ static void on_udp(void *context, uint32_t events, int64_t now_us)
     (void)context;
     (void)events;
     for (; reads < READS_MAX; reads++) {
-        ssize_t length = receive(datagram, sizeof(datagram), &from);
+        socklen_t from_size = sizeof(from);
+        ssize_t length = recvfrom(self.watch.fd, datagram, sizeof(datagram), 0,
+                                  (struct sockaddr *)&from, &from_size);
 
         if (length < 0 && errno == ECONNREFUSED) {
             continue; /* an answer of ours reached nobody; not about the socket */
@@ -240,27 +229,32 @@ static void on_udp(void *context, uint32_t events, int64_t now_us)
         pause_reading(now_us);
     }
     count_senders(now_us);
+    note_overrun();
+}
+
+/* What came while no daemon ran is old, and says nothing of now. */
+static void forget_waiting(int fd)
+{
+    char octet;
+
+    for (int i = 0; i < WAITING_MAX && recv(fd, &octet, 1, 0) >= 0; i++) {
+    }
 }
 
 static int open_udp(void)
 {
-    struct sockaddr_in address = {.sin_family = AF_INET, .sin_port = htons(self.config->udp_port)};
-    int fd, error, yes = 1;
+    int fd;
 
-    if (inet_pton(AF_INET, self.config->udp_address, &address.sin_addr) != 1) {
-        return -EADDRNOTAVAIL;
+    if (self.handed_down >= 0 && link_socket_fits(self.handed_down, self.config)) {
+        fd = fcntl(self.handed_down, F_DUPFD_CLOEXEC, 0);
+        if (fd < 0) {
+            return -errno;
+        }
+        forget_waiting(fd);
+    } else {
+        fd = link_socket_open(self.config);
     }
-    fd = socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
-    if (fd < 0) {
-        return -errno;
-    }
-    if (setsockopt(fd, SOL_SOCKET, SO_RXQ_OVFL, &yes, sizeof(yes)) < 0 ||
-        bind(fd, (struct sockaddr *)&address, sizeof(address)) < 0) {
-        error = errno;
-        close(fd);
-        return -error;
-    }
-    self.overrun_seen = 0;
+    self.overrun_seen = fd < 0 ? 0 : dropped_by_kernel(fd);
     return fd;
 }
 
@@ -304,6 +298,7 @@ void link_start(const struct config *config, link_bytes_fn *bytes, link_reset_fn
     self.reset = reset;
     self.context = context;
     self.status.since_us = now_us;
+    self.handed_down = inherited_take(LINK_SOCKET_VARIABLE);
     if (config->source == MAVLINK_SOURCE_SERIAL) {
         snprintf(self.status.name, sizeof(self.status.name), "%s at %u baud", config->device,
                  config->baud);

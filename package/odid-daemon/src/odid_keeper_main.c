@@ -18,6 +18,7 @@
 #include "keeper_config.h"
 #include "keeper_fault.h"
 #include "keeper_process.h"
+#include "link_socket.h"
 #include "log.h"
 #include "loop.h"
 #include "sandbox.h"
@@ -39,8 +40,13 @@ static struct {
     struct keeper_air_plan plan;
     struct loop_watch signals;
     struct loop_timer timer;
+    int link_socket; /* handed down to each daemon; < 0: there is none */
     bool fault_told; /* that the list of faults can't be written */
-} self = {.silent_s = SILENT_S, .off_air_s = OFF_AIR_S, .faults = FAULTS, .signals.fd = -1};
+} self = {.silent_s = SILENT_S,
+          .off_air_s = OFF_AIR_S,
+          .faults = FAULTS,
+          .signals.fd = -1,
+          .link_socket = -1};
 
 /* ---- what is said ---- */
 
@@ -97,14 +103,36 @@ static void on_off_air(void *context, const char *off, const char *left, int64_t
     advance(now_us);
 }
 
+/* Whoever took the port between two daemons would silence the next one. */
+static void hold_link_socket(const struct config *config)
+{
+    if (self.link_socket >= 0 && config->source == MAVLINK_SOURCE_UDP &&
+        link_socket_fits(self.link_socket, config)) {
+        return;
+    }
+    if (self.link_socket >= 0) {
+        close(self.link_socket);
+        self.link_socket = -1;
+    }
+    if (config->source == MAVLINK_SOURCE_UDP) {
+        self.link_socket = link_socket_open(config);
+    }
+    if (config->source == MAVLINK_SOURCE_UDP && self.link_socket < 0) {
+        log_warning("can't open UDP %s:%u for the daemon (%s): it tries itself",
+                    config->udp_address, config->udp_port, strerror(-self.link_socket));
+    }
+}
+
 static void start(int64_t now_us)
 {
-    int result = keeper_process_start(&self.process, self.command, self.keeper.log_mode);
     struct config config;
+    int result;
 
     keeper_config_read(&config, self.command); /* as the daemon does now */
     keeper_air_plan(&self.plan, &config);
-
+    hold_link_socket(&config);
+    result =
+        keeper_process_start(&self.process, self.command, self.keeper.log_mode, self.link_socket);
     if (result < 0) {
         fault("The Remote ID daemon can't be started: %s.", strerror(-result));
         keeper_died(&self.keeper, 0, 0, now_us);

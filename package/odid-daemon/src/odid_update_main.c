@@ -48,6 +48,7 @@ static struct {
     char reason[UPDATE_SENTENCE_SIZE];  /* why it was rolled back, until the restart; or "" */
     bool overwritten; /* a bundle was refused since, and that is the last result */
     struct loop_timer tick, hawkbit_pause;
+    int64_t hawkbit_pause_us; /* how long the next one is */
     struct loop_watch signals;
 } self;
 
@@ -209,14 +210,18 @@ static bool asks_hawkbit(void)
 }
 
 /* Until then SWUpdate is without hawkBit: its server would begin the same at once, again and again,
- * and the aircraft would stay on the ground. */
+ * and the aircraft would stay on the ground. Each time twice as long, until an update comes
+ * through: a server that goes on so gets less and less of the day. */
 static void pause_hawkbit(int64_t now_us)
 {
     if (!asks_hawkbit()) {
         return;
     }
     complain("hawkBit can't be paused", whole_file_replace(HAWKBIT_PAUSE, "", 0, 0644));
-    loop_arm(&self.hawkbit_pause, now_us + HAWKBIT_PAUSE_US);
+    log_info("update: hawkBit isn't asked for %d minutes",
+             (int)(self.hawkbit_pause_us / (60 * SECOND_US)));
+    loop_arm(&self.hawkbit_pause, now_us + self.hawkbit_pause_us);
+    self.hawkbit_pause_us *= self.hawkbit_pause_us < HAWKBIT_PAUSE_MAX_US ? 2 : 1;
 }
 
 static void end_hawkbit_pause(void *context, int64_t now_us)
@@ -429,6 +434,8 @@ static bool is_marked(void)
  * well after a mere trial run: the mark counts, as it does for U-Boot. */
 static void on_ends(const char *why, int64_t now_us)
 {
+    bool broke_off = self.passed && self.update.stopped == NULL;
+
     self.passed = false;
     if (is_beside(now_us)) {
         refuse(why, "");
@@ -441,8 +448,13 @@ static void on_ends(const char *why, int64_t now_us)
         log_info("SWUpdate says: %s", why);
     }
     if (is_marked()) {
+        self.hawkbit_pause_us = HAWKBIT_PAUSE_US;
         update_installed(&self.update, now_us);
     } else {
+        if (broke_off && asks_hawkbit()) {
+            pause_hawkbit(now_us);
+            end_installer();
+        }
         refuse(why[0] != '\0' ? why : "all went well, but nothing is marked to be started.",
                self.update.version);
         update_ended(&self.update, now_us);
@@ -652,6 +664,7 @@ static int serve(void)
     loop_timer_init(&self.tick, on_tick, NULL);
     loop_arm(&self.tick, loop_now_us());
     loop_timer_init(&self.hawkbit_pause, end_hawkbit_pause, NULL);
+    self.hawkbit_pause_us = HAWKBIT_PAUSE_US;
     if (access(HAWKBIT_PAUSE, F_OK) == 0) { /* of an earlier process */
         loop_arm(&self.hawkbit_pause, loop_now_us() + HAWKBIT_PAUSE_US);
     }

@@ -10,9 +10,11 @@
 #include "odidctl_table.h"
 #include "recorder_json.h"
 #include "recorder_store.h"
+#include "utf8.h"
 
 #define WHEN_SIZE 32
 #define CELL_SIZE 32
+#define EVENT_SIZE 512
 
 static char text[RECORDER_TEXT_MAX];
 
@@ -103,7 +105,7 @@ static void print_head(FILE *out)
 
 /* ---- one in detail ---- */
 
-static void print_event(FILE *out, int64_t at_us, struct json_object *line)
+static void describe(char *sentence, size_t size, const char *event, struct json_object *line)
 {
     static const char *const plain[][2] = {
         {"start", "the record begins"},
@@ -112,7 +114,6 @@ static void print_event(FILE *out, int64_t at_us, struct json_object *line)
         {"recorder_restarted", "odid-recorder was started again"},
         {"end", "ended in order"},
     };
-    const char *event = recorder_json_text(line, "event", "");
     const char *channel = recorder_json_text(line, "channel", "");
     char lasted[32];
 
@@ -120,37 +121,49 @@ static void print_event(FILE *out, int64_t at_us, struct json_object *line)
     for (enum channel i = 0; i < CHANNELS; i++) {
         channel = strcmp(channel, channel_name(i)) == 0 ? channel_title(i) : channel;
     }
+    if (strcmp(event, "first_broadcast") == 0) {
+        snprintf(sentence, size, "%s is on the air for the first time", channel);
+    } else if (strcmp(event, "gap") == 0) {
+        snprintf(sentence, size, "%s had a gap of %s%s", channel, lasted,
+                 recorder_json_true(line, "armed") ? "" : ", disarmed");
+    } else if (strcmp(event, "disarmed") == 0) {
+        snprintf(sentence, size, "disarmed, after %s", lasted);
+    } else if (strcmp(event, "clock") == 0) {
+        snprintf(sentence, size, "the autopilot says that it is %s",
+                 recorder_json_text(line, "utc", "?"));
+    } else if (strcmp(event, "update") == 0) {
+        snprintf(sentence, size, "update: %s", recorder_json_text(line, "text", "?"));
+    } else if (strcmp(event, "fault") == 0) {
+        snprintf(sentence, size, "FAULT %s: %s", recorder_json_text(line, "what", "?"),
+                 recorder_json_text(line, "text", "?"));
+    } else if (strcmp(event, "fault_over") == 0) {
+        snprintf(sentence, size, "over: %s, after %s", recorder_json_text(line, "what", "?"),
+                 lasted);
+    } else {
+        snprintf(sentence, size, "%s", event);
+        for (size_t i = 0; i < sizeof(plain) / sizeof(plain[0]); i++) {
+            if (strcmp(event, plain[i][0]) == 0) {
+                snprintf(sentence, size, "%s", plain[i][1]);
+            }
+        }
+    }
+}
+
+/* A record's texts are what the programs wrote that it speaks of: they move no terminal's cursor.
+ */
+static void print_event(FILE *out, int64_t at_us, struct json_object *line)
+{
+    const char *event = recorder_json_text(line, "event", "");
+    char sentence[EVENT_SIZE], shown[EVENT_SIZE];
+
     if (strcmp(event, "dropped") == 0) {
         fprintf(out, "  %10s  %u older events were dropped here: a record has a bound\n", "...",
                 recorder_json_count(line, "lines"));
         return;
     }
-    fprintf(out, "  %8.1f s  ", seconds(at_us));
-    for (size_t i = 0; i < sizeof(plain) / sizeof(plain[0]); i++) {
-        if (strcmp(event, plain[i][0]) == 0) {
-            fprintf(out, "%s\n", plain[i][1]);
-            return;
-        }
-    }
-    if (strcmp(event, "first_broadcast") == 0) {
-        fprintf(out, "%s is on the air for the first time\n", channel);
-    } else if (strcmp(event, "gap") == 0) {
-        fprintf(out, "%s had a gap of %s%s\n", channel, lasted,
-                recorder_json_true(line, "armed") ? "" : ", disarmed");
-    } else if (strcmp(event, "disarmed") == 0) {
-        fprintf(out, "disarmed, after %s\n", lasted);
-    } else if (strcmp(event, "clock") == 0) {
-        fprintf(out, "the autopilot says that it is %s\n", recorder_json_text(line, "utc", "?"));
-    } else if (strcmp(event, "update") == 0) {
-        fprintf(out, "update: %s\n", recorder_json_text(line, "text", "?"));
-    } else if (strcmp(event, "fault") == 0) {
-        fprintf(out, "FAULT %s: %s\n", recorder_json_text(line, "what", "?"),
-                recorder_json_text(line, "text", "?"));
-    } else if (strcmp(event, "fault_over") == 0) {
-        fprintf(out, "over: %s, after %s\n", recorder_json_text(line, "what", "?"), lasted);
-    } else {
-        fprintf(out, "%s\n", event);
-    }
+    describe(sentence, sizeof(sentence), event, line);
+    utf8_clean(shown, sizeof(shown), sentence);
+    fprintf(out, "  %8.1f s  %s\n", seconds(at_us), shown);
 }
 
 /* Totals are shown above the list. */

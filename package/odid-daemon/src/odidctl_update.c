@@ -21,6 +21,7 @@
 #include "update_gate.h"
 #include "update_offer.h"
 #include "update_places.h"
+#include "utf8.h"
 #include "whole_file.h"
 
 #define FILE_MAX 8192
@@ -181,6 +182,15 @@ static int open_url(const char *url, struct source *source)
     return result;
 }
 
+/* What a file on a stick is called, whoever has written the stick says. */
+static void complain_of(const char *name, const char *what, const char *why)
+{
+    char shown[ODIDCTL_PATH_SIZE + NAME_MAX];
+
+    utf8_clean(shown, sizeof(shown), name);
+    fprintf(stderr, "odidctl: %s %s%s\n", shown, what, why);
+}
+
 static bool open_source(const char *name, struct source *source)
 {
     int error = 0;
@@ -193,7 +203,7 @@ static bool open_source(const char *name, struct source *source)
         error = source->fd < 0 ? errno : 0;
     }
     if (error != 0) {
-        fprintf(stderr, "odidctl: %s can't be opened: %s\n", name, strerror(error));
+        complain_of(name, "can't be opened: ", strerror(error));
     }
     return error == 0;
 }
@@ -262,7 +272,7 @@ static int install(const struct odidctl_places *places, const char *name)
     ipc_end(installer);
     whole = close_source(&source) && whole;
     if (code < 0 && !whole) {
-        fprintf(stderr, "odidctl: %s could not be read to its end\n", name);
+        complain_of(name, "could not be read to its end", "");
     }
     for (int i = 0; code < 0 && i < PATIENCE_S * 1000 / LOOK_MS; i++) {
         nanosleep(&moment, NULL);

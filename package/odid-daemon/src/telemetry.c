@@ -21,14 +21,15 @@ struct telemetry {
     struct framing framing[TELEMETRY_STREAMS];
     struct telemetry_counters counters;
     struct belief belief;
-    uint8_t vehicle;        /* system id, 0 = none yet */
-    uint8_t kept;           /* who was there first, or is expected: it may return */
-    bool kept_heard;        /* it was the vehicle in our time */
-    int64_t kept_until_us;  /* one that wasn't heard is expected until then */
-    bool armed;             /* the vehicle's last word */
-    bool seen_disarmed;     /* it said so before */
-    bool identified;        /* its autopilot said who it is */
-    bool by_ground_station; /* whose native message is being read */
+    mavlink_message_t latest; /* of the vehicle's autopilot */
+    uint8_t vehicle;          /* system id, 0 = none yet */
+    uint8_t kept;             /* who was there first, or is expected: it may return */
+    bool kept_heard;          /* it was the vehicle in our time */
+    int64_t kept_until_us;    /* one that wasn't heard is expected until then */
+    bool armed;               /* the vehicle's last word */
+    bool seen_disarmed;       /* it said so before */
+    bool identified;          /* its autopilot said who it is */
+    bool by_ground_station;   /* whose native message is being read */
     int vehicle_stream;
     int64_t heartbeat_us;
     int64_t vehicle_until_us;         /* no other system is the vehicle until then */
@@ -345,7 +346,6 @@ static void take_heartbeat(struct telemetry *telemetry, const mavlink_message_t 
     }
     /* A system with an autopilot is no ground station, whatever else of it said so. */
     telemetry->ground_stations[message->sysid / 8] &= (uint8_t) ~(1 << (message->sysid % 8));
-    telemetry->armed = armed;
     telemetry->heartbeat_us = now_us;
     telemetry->vehicle_until_us = now_us + VEHICLE_FORGOTTEN_US;
     telemetry->counters.frames++;
@@ -362,6 +362,13 @@ static bool from_autopilot(const struct telemetry *telemetry, const mavlink_mess
 {
     return telemetry->vehicle != 0 && message->sysid == telemetry->vehicle &&
            message->compid == MAV_COMP_ID_AUTOPILOT1;
+}
+
+/* A checksum is made to order: it is the octets that tell. */
+static bool same_frame(const mavlink_message_t *a, const mavlink_message_t *b)
+{
+    return a->seq == b->seq && a->msgid == b->msgid && a->len == b->len &&
+           memcmp(a->payload64, b->payload64, a->len) == 0;
 }
 
 static void take_frame(struct telemetry *telemetry, unsigned stream,
@@ -389,7 +396,9 @@ static void take_frame(struct telemetry *telemetry, unsigned stream,
         if (telemetry->vehicle_stream != (int)stream) {
             belief_new_link(&telemetry->belief);
         }
-        belief_sequence(&telemetry->belief, message->seq, message->checksum, now_us);
+        belief_sequence(&telemetry->belief, message->seq, same_frame(message, &telemetry->latest),
+                        now_us);
+        telemetry->latest = *message;
         telemetry->vehicle_stream = (int)stream;
     }
 }

@@ -15,6 +15,7 @@
 #define SECOND INT64_C(1000000)
 #define MESSAGES 5
 #define ALL (MESSAGES + 1)
+#define VITAL 2 /* the first of them: without these there is no position */
 
 static const struct {
     uint16_t id;
@@ -204,11 +205,11 @@ static void who_never_answers_is_asked_more_and_more_seldom(void **state)
     }
     pass(100);
     for (unsigned i = 0; i < MESSAGES; i++) {
-        assert_in_range(asked[i], 4, 6);
+        assert_in_range(asked[i], i < VITAL ? 15 : 4, i < VITAL ? 18 : 6);
     }
     pass(1000);
     for (unsigned i = 0; i < MESSAGES; i++) {
-        assert_in_range(asked[i], 20, 28);
+        assert_in_range(asked[i], i < VITAL ? 165 : 20, i < VITAL ? 185 : 28);
     }
 }
 

@@ -185,6 +185,74 @@ static void what_is_believed_stands_whatever_is_said_of_fixes(void **state)
     assert_int_equal(fly(1), 1);
 }
 
+static struct frame gps(uint8_t fix_type, double separation_m)
+{
+    const mavlink_gps_raw_int_t content = {.fix_type = fix_type,
+                                           .alt = 100000,
+                                           .alt_ellipsoid = 100000 + (int32_t)(separation_m * 1e3)};
+
+    return frame_gps_raw_int(VEHICLE, AUTOPILOT, &content);
+}
+
+/* The position went off the air with each of them. */
+static void no_fix_counts_when_nobody_says_otherwise(void **state)
+{
+    (void)state;
+    for (unsigned i = 0; i < 20; i++) {
+        assert_int_equal(feed(gps(3, 36)), 1);
+        for (unsigned j = 1; j < 10; j++) {
+            now_us += SECOND / 10;
+            if (feed(gps(1, 36)) != 0) {
+                assert_in_range(i, 0, 6); /* it isn't known yet that there are two */
+            }
+        }
+        now_us += SECOND / 10;
+    }
+    assert_true(telemetry_contradicted(telemetry, now_us));
+    now_us += 2 * SECOND;
+    assert_int_equal(feed(gps(1, 36)), 1);
+    assert_int_equal(feed(gps(3, 36)), 1); /* found again */
+}
+
+static void a_fix_that_is_lost_counts_at_once(void **state)
+{
+    (void)state;
+    for (unsigned i = 0; i < 10; i++) {
+        feed(gps(3, 36));
+        now_us += SECOND;
+    }
+    for (unsigned i = 0; i < 10; i++) {
+        assert_int_equal(feed(gps(1, 36)), 1);
+        now_us += SECOND;
+    }
+    assert_int_equal(feed(gps(3, 36)), 1);
+    assert_false(telemetry_contradicted(telemetry, now_us));
+}
+
+/* Now it has a fix, and now it hasn't: that is one receiver. */
+static void a_receiver_at_the_edge_of_a_fix_does_not_contradict_itself(void **state)
+{
+    (void)state;
+    for (unsigned i = 0; i < 100; i++) {
+        feed(gps(i % 2 ? 3 : 0, 36));
+        now_us += SECOND / 5;
+    }
+    assert_false(telemetry_contradicted(telemetry, now_us));
+}
+
+/* A geodetic altitude is made with it. */
+static void the_geoid_makes_no_steps(void **state)
+{
+    (void)state;
+    assert_int_equal(feed(gps(0, -17)), 1); /* that says nothing of it */
+    for (unsigned i = 0; i < 20; i++) {
+        assert_int_equal(feed(gps(3, 36 + 0.2 * i)), 1);
+        assert_int_equal(feed(gps(3, 90)), 0);
+        now_us += SECOND;
+    }
+    assert_true(telemetry_contradicted(telemetry, now_us));
+}
+
 /* Each of them would be flown in the time that delays leave open. */
 static void a_thousand_steps_in_one_instant_are_one(void **state)
 {
@@ -347,6 +415,30 @@ static void the_same_frame_twice_is_none(void **state)
     assert_false(telemetry_contradicted(telemetry, now_us));
 }
 
+/* The same number, and a checksum made to be the same, too. */
+static void another_frame_with_its_checksum_is_one(void **state)
+{
+    (void)state;
+    for (unsigned i = 0; i < 10; i++) {
+        struct frame real = numbered(autopilot_heartbeat(VEHICLE), (uint8_t)i), forged = real;
+
+        /* Of the heartbeat's custom_mode 3 octets are free: two of them make up for the third. */
+        for (uint32_t tried = 1; tried < 1U << 24; tried++) {
+            forged.bytes[10] = (uint8_t)tried;
+            forged.bytes[11] = (uint8_t)(tried >> 8);
+            forged.bytes[12] = (uint8_t)(tried >> 16);
+            if (memcmp(numbered(forged, (uint8_t)i).bytes, forged.bytes, forged.length) == 0) {
+                break;
+            }
+        }
+        assert_memory_not_equal(real.bytes, forged.bytes, real.length);
+        feed(real);
+        feed(forged);
+        now_us += SECOND / 10;
+    }
+    assert_true(telemetry_contradicted(telemetry, now_us));
+}
+
 static void operator_data_come_from_the_ground_all_the_same(void **state)
 {
     const mavlink_open_drone_id_operator_id_t content = {.operator_id = "FIN87astrdge12k8"};
@@ -367,6 +459,10 @@ int main(void)
         TEST(neither_do_many_of_them),
         TEST(neither_do_native_ones),
         TEST(what_is_believed_stands_whatever_is_said_of_fixes),
+        TEST(no_fix_counts_when_nobody_says_otherwise),
+        TEST(a_fix_that_is_lost_counts_at_once),
+        TEST(a_receiver_at_the_edge_of_a_fix_does_not_contradict_itself),
+        TEST(the_geoid_makes_no_steps),
         TEST(a_thousand_steps_in_one_instant_are_one),
         TEST(the_fault_ends_with_the_attack),
         TEST(a_source_that_changes_is_believed_after_a_second),
@@ -379,6 +475,7 @@ int main(void)
         TEST(one_autopilot_by_two_links_is_no_contradiction),
         TEST(an_unset_utc_is_nobody_s),
         TEST(the_same_frame_twice_is_none),
+        TEST(another_frame_with_its_checksum_is_one),
         TEST(operator_data_come_from_the_ground_all_the_same),
     };
 

@@ -11,6 +11,7 @@
 #include <cmocka.h>
 
 #include <dirent.h>
+#include <errno.h>
 #include <fcntl.h>
 #include <libgen.h>
 #include <signal.h>
@@ -23,6 +24,7 @@
 
 #include "alive.h"
 #include "fake_hostapd.h"
+#include "link_socket.h"
 #include "loop_until.h"
 #include "sandbox.h"
 
@@ -533,6 +535,60 @@ static void the_daemon_has_nothing_of_the_keepers_but_its_pipe(void **state)
     assert_int_equal(signal_bits(status, "SigIgn:") & 1UL << (SIGPIPE - 1), 0);
 }
 
+/* ---- the autopilot's port ---- */
+
+/* Where the process's descriptor leads, by the number in its environment; empty: it has none. */
+static void handed_down(pid_t pid, char *target, size_t size)
+{
+    char path[64], variables[8192];
+    int fd;
+    ssize_t length;
+
+    snprintf(path, sizeof(path), "/proc/%d/environ", (int)pid);
+    fd = open(path, O_RDONLY | O_CLOEXEC);
+    length = fd < 0 ? -1 : read(fd, variables, sizeof(variables) - 1);
+    close(fd);
+    assert_true(length >= 0);
+    variables[length] = '\0';
+    target[0] = '\0';
+    for (const char *at = variables; at < variables + length; at += strlen(at) + 1) {
+        if (strncmp(at, LINK_SOCKET_VARIABLE "=", strlen(LINK_SOCKET_VARIABLE "=")) == 0) {
+            snprintf(path, sizeof(path), "/proc/%d/fd/%.8s", (int)pid, strchr(at, '=') + 1);
+            length = readlink(path, target, size - 1);
+            target[length < 0 ? 0 : length] = '\0';
+        }
+    }
+}
+
+/* Whoever took it between two daemons silenced the second one for good. */
+static void the_port_is_never_free_between_two_daemons(void **state)
+{
+    char first[64], second[64];
+    struct config udp;
+    int fd, tries = 0;
+    pid_t pid;
+
+    (void)state;
+    config_defaults(&udp);
+    udp.source = MAVLINK_SOURCE_UDP;
+    udp.udp_port = (uint16_t)(20000 + getpid() % 10000);
+    fd = open(config, O_WRONLY | O_APPEND | O_CLOEXEC);
+    dprintf(fd, "[mavlink]\nsource = udp\nudp_port = %u\n", udp.udp_port);
+    close(fd);
+    pid = run_until_alive("lives", "0.5", "5");
+    handed_down(pid, first, sizeof(first));
+    assert_int_equal(strncmp(first, "socket:", 7), 0);
+    kill(pid, SIGKILL);
+    for (; !twice() && tries < 10 * PATIENCE_MS; tries++) {
+        assert_int_equal(link_socket_open(&udp), -EADDRINUSE);
+        usleep(100);
+    }
+    assert_true(twice());
+    starts(&pid);
+    handed_down(pid, second, sizeof(second));
+    assert_string_equal(first, second);
+}
+
 /* ---- the end ---- */
 
 static void told_to_end_it_ends_the_daemon_in_order(void **state)
@@ -607,6 +663,7 @@ int main(int argc, char *argv[])
         TEST(the_fault_stays_until_the_daemon_is_alive),
         TEST(without_a_list_of_faults_nothing_is_wrong),
         TEST(the_daemon_has_nothing_of_the_keepers_but_its_pipe),
+        TEST(the_port_is_never_free_between_two_daemons),
         TEST(told_to_end_it_ends_the_daemon_in_order),
         TEST(one_that_does_not_end_is_ended_and_taken_off_the_air),
         TEST(a_killed_keeper_leaves_no_daemon_behind),

@@ -249,6 +249,27 @@ static void one_in_detail(void **state)
     assert_int_equal(show("00007", "", false), 0);
 }
 
+/* Whoever has taken the recorder over writes on no technician's terminal. */
+static void a_record_moves_no_cursor(void **state)
+{
+    const char *line = "{\"t\":15,\"event\":\"fault\",\"what\":\"x\\u001b[2J\","
+                       "\"text\":\"\\u001b[1;1Hall is well\\n      16.0 s  disarmed\"}\n";
+    char path[128];
+    FILE *file;
+
+    (void)state;
+    take_off();
+    put_record(7, 0);
+    snprintf(path, sizeof(path), "%s/00007.jsonl", directory);
+    file = fopen(path, "a");
+    assert_non_null(file);
+    assert_true(fputs(line, file) >= 0);
+    assert_int_equal(fclose(file), 0);
+    assert_int_equal(show("7", "", false), 0);
+    expect("   15.0 s  FAULT x?[2J: ?[1;1Hall is well?      16.0 s  disarmed\n");
+    assert_null(strchr(text, '\033'));
+}
+
 static void months_in_detail(void **state)
 {
     (void)state;
@@ -354,6 +375,7 @@ int main(void)
         TEST(a_flight_that_nobody_could_hear),
         TEST(on_the_ground),
         TEST(one_in_detail),
+        TEST(a_record_moves_no_cursor),
         TEST(months_in_detail),
         TEST(as_json),
         TEST(what_is_not_there),
