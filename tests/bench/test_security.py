@@ -1,7 +1,6 @@
 """docs/security.md says what each process of the appliance may do: its table, compared with the booted appliance."""
 
 import pytest
-from host import parts
 
 from . import flights, rights
 from .conftest import PASSWORD
@@ -63,7 +62,7 @@ def test_in_flight(booted):
 def test_in_maintenance_and_armed_after_it(booted):
     machine = booted("security-maintenance", config=EVERYTHING)
     play(machine, 2)    # so that the way to the daemon is there
-    parts.wait_for("its first words", lambda: machine.status()["mavlink"]["frames"] > 0, 30)
+    machine.wait_for("its first words", lambda: machine.status()["mavlink"]["frames"] > 0)
     machine.must("odidctl maintenance on")
     machine.wait_inside("hawkBit's client", "ps -o user,args | grep -q '^odid-haw.*[s]wupdate'")
     machine.wait_inside("SSH, the page and its addresses", "pidof dropbear && pidof odid-web && pidof udhcpd")

@@ -119,7 +119,7 @@ def test_a_daemon_that_never_comes_back_is_taken_off_the_air(make_machine):
     machine.must("mount --bind /bin/false $(which odid-daemon)")
     killed, killed_mono = time.time(), time.monotonic()
     machine.must("kill -KILL $(pidof odid-daemon)")
-    machine.wait_inside("the keeper", "odidctl status | grep -q 'taken off the air'")
+    machine.wait_inside("the keeper", "odidctl status 2>&1 | grep -q 'taken off the air'")
     time.sleep(1)
     off_s = time.monotonic() - killed_mono
     time.sleep(4)

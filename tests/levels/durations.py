@@ -64,7 +64,7 @@ PERMITTED_SLEEPS = {
     "update/test_air.py::test_the_broadcast_goes_on": "what is measured begins when it has settled",
     "update/test_armed.py::test_writing_stops": "nothing may be written; so long it is disarmed",
     "update/test_hawkbit.py::test_switched_off_and_on_by_the_technician": "nobody may ask",
-    "update/test_hawkbit.py::test_a_server_that_breaks_off_is_left_alone_for_a_while": "nobody may ask",
+    "update/test_hawkbit.py::assert_left_alone": "nobody may ask",
     "update/test_refused.py::armed": "so long it is disarmed before the next one",
     "update/test_tls.py::test_a_clock_that_is_wrong_until_the_autopilot_sets_it_back": "nobody may ask",
     "update/test_tls.py::test_another_authority_is_not_believed": "nobody may ask",

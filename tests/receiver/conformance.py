@@ -6,7 +6,7 @@ import statistics
 from dataclasses import dataclass, field
 
 from .counters import check_counters
-from .findings import Findings
+from .findings import LISTED_OF_A_KIND, Findings
 from .flight_log import FlightLog
 from .intervals import (Interval, all_within_s, limit_s, percentile, status_failure_excuse,
                         track_intervals)
@@ -34,6 +34,7 @@ class Options:
     lost_margin: int = 0
     warmup_s: float = 0.0
     seed: int = 1
+    listed: float = LISTED_OF_A_KIND  # violations of each kind
 
 
 @dataclass
@@ -50,7 +51,7 @@ class Judgement:
 
 def judge(run: Run, options: Options, log: FlightLog | None = None,
           set_log: dict[str, list[SetPayload]] | None = None) -> Judgement:
-    findings, figures = Findings(options.timing), {}
+    findings, figures = Findings(options.timing, options.listed), {}
     tracks = _listen(run, findings, options.any_version)
     _check_presence(run, tracks, options, findings)
     _check_addresses(run, options, findings)

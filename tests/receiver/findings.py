@@ -28,10 +28,10 @@ class Violation:
 
 
 class Findings:
-    def __init__(self, timing: bool = True) -> None:
-        self.timing = timing
+    def __init__(self, timing: bool = True, listed: float = LISTED_OF_A_KIND) -> None:
+        self.timing, self.listed = timing, listed
         self.not_judged: dict[str, int] = {}
-        self.violations: list[Violation] = []  # at most LISTED_OF_A_KIND of each kind
+        self.violations: list[Violation] = []  # at most `listed` of each kind
         self.counts: dict[str, int] = {}
         self.notes: list[str] = []
         self._noted: set[str] = set()
@@ -47,7 +47,7 @@ class Findings:
         elif at is not None:
             time_s, mono_s, channel = at.time, at.mono, channel or at.channel
         self.counts[kind] = self.counts.get(kind, 0) + 1
-        if self.counts[kind] <= LISTED_OF_A_KIND:
+        if self.counts[kind] <= self.listed:
             self.violations.append(Violation(kind, time_s, mono_s, channel, what, str(expected), str(found)))
 
     def note(self, text: str) -> None:

@@ -38,7 +38,7 @@ class Appliance:
 
     def __init__(self, root):
         self.root = root
-        for folder in ("bin", "data/odid", "data/secrets", "dev", "proc", "run/faults", "run/odid-appliance", "run/pid",
+        for folder in ("bin", "data/odid", "data/secrets", "dev", "proc", "run/faults", "run/lock", "run/odid-appliance", "run/pid",
                        "sys/class/tty", "usr/bin"):
             (root / folder).mkdir(parents=True)
         shutil.copy(BUSYBOX, root / "bin/busybox")

@@ -198,16 +198,15 @@ def loaded(appliance):
 def test_the_ground_station_is_heard_by_its_own_way_only(appliance, address, drops):
     """A USB adapter's DHCP server took its network, and answers to its address were taken from there."""
     appliance.settings(ground_station__address=address)
-    rule = 'insert rule inet odid input ip saddr 10.0.0.9 iifname != "eth0" counter drop'
+    rule = 'insert rule inet odid input ip saddr 10.0.0.9 iifname != { "lo", "eth0" } counter drop'
     assert (rule in loaded(appliance)) == drops
 
 
-def test_only_mavlink_router_reaches_the_daemon(appliance):
-    appliance.settings(mavlink__udp_port="14660")
+def test_only_mavlink_router_speaks_to_another_program(appliance):
+    """Any process took its telemetry, and spoke as the daemon, by a datagram to its port."""
     rules = loaded(appliance)
-    assert 'add rule inet odid output oifname "lo" udp dport 14660 jump to_daemon' in rules
+    assert 'oifname "lo" meta l4proto udp ct state new meta skuid != "mavlink" counter drop' in rules
     assert 'add rule inet odid output meta skuid mavlink oifname != lo oifname != "eth0" counter drop' in rules
-    assert rules.index("table inet odid {") < rules.index("jump to_daemon\nadd"), "all in one piece: never open between"
     assert "-u mavlink:" in appliance.read("etc/sv/mavlink-router/run")
 
 
@@ -343,7 +342,7 @@ def test_maintenance_opens_and_closes_without_a_restart(appliance):
 
 
 LOCK = """#!/bin/sh
-[ "$(readlink /proc/$PPID/fd/$1)" = /run/access-point.lock ] || exit 1
+[ "$(readlink /proc/$PPID/fd/$1)" = /run/lock/access-point ] || exit 1
 echo locked >>/calls
 %s
 """
@@ -462,7 +461,7 @@ def test_another_vehicle_than_1_is_told_to_mavlink_router_but_not_in_flight(appl
 
 
 @pytest.mark.parametrize("ip, mask, taken", [
-    ("192.168.41.99", 24, False), ("192.168.42.1", 30, False), ("192.168.41.99", 16, True), ("192.168.40.99", 24, True)])
+    ("192.168.41.99", 24, False), ("192.168.42.1", 30, False), ("192.168.41.99", 16, False), ("192.168.42.9", "", False), ("192.168.40.99", 24, True)])
 def test_no_lease_takes_the_technician_s_networks_away(appliance, ip, mask, taken):
     """A DHCP server by cable took 192.168.41.0/24: who came by Wi-Fi was answered there."""
     appliance.write("sys/class/net/eth0/ifindex", "2\n")
@@ -546,7 +545,57 @@ def test_nothing_of_a_stick_is_read_unless_disarmed(stick, armed):
     wait_for("the bundle to be offered", lambda: "odidctl update /run/stick" in stick.appliance.calls())
 
 
+@pytest.mark.parametrize("slow, read", [("blkid", []), ("mount", ["mount -t vfat -o ro,nosuid,nodev,noexec /dev/sda1 /run/stick"])])
+def test_a_stick_that_takes_its_time_isn_t_read_in_the_air(stick, slow, read):
+    """Armed while the stick's own slowness holds what looks at it, for up to a minute."""
+    path = f"usr/bin/{slow}"
+    stick.appliance.write(path, stick.appliance.read(path) + "echo armed once 1 >/armed\n")
+    calls = stick(last=slow if slow == "blkid" else "umount")
+    stays("nothing more is read", lambda: [call for call in stick.appliance.calls() if "mount -t" in call] == read
+          and "odidctl update /run/stick" not in stick.appliance.calls(), 0.5)
+    assert "blkid" in calls
+
+
 # --- settings -----------------------------------------------------------------------
+
+
+def saved(appliance):
+    appliance.write("lib/odid/board-settings", "#!/bin/sh\n")  # there is no boot loader here
+    return appliance.run("/lib/odid/apply-configuration")
+
+
+def test_a_setting_whose_turn_comes_in_the_air_restarts_nothing(appliance):
+    """Somebody held the lock until after take-off, and hostapd and mavlink-router were started again in flight."""
+    hostapd(appliance)
+    lock(appliance, "echo armed once 1 >/armed")
+    appliance.settings(wifi__channel="11")
+    assert saved(appliance).returncode == 1
+    assert appliance.calls() == ["locked"] and "channel=6" in appliance.read("run/hostapd.conf")
+
+
+def test_another_password_counts_at_once(appliance):
+    """It was said to be in effect, and hostapd went on with the old one."""
+    appliance.write("data/secrets/maintenance.psk", KEY + "\n")
+    appliance.write("run/odid-appliance/maintenance", "on\n")
+    hostapd(appliance)
+    told = [f"hostapd_cli -s /run/odid-appliance -p /run/hostapd -i wlan0 raw {words}"
+            for words in ("RELOAD_WPA_PSK", "DEAUTHENTICATE ff:ff:ff:ff:ff:ff")]
+    saved(appliance)
+    assert not set(told) & set(appliance.calls())
+    appliance.write("data/secrets/maintenance.psk", "8" * 64 + "\n")
+    saved(appliance)
+    assert [call for call in appliance.calls() if call in told] == told
+
+
+@pytest.mark.parametrize("running, closed", [(True, False), (False, True)])
+def test_an_access_point_that_refuses_to_close_is_told_again(appliance, running, closed):
+    """One that runs and doesn't obey is open still; one that doesn't run starts closed."""
+    appliance.write("data/secrets/maintenance.psk", KEY + "\n")
+    appliance.write("usr/bin/hostapd_cli", "#!/bin/sh\necho FAIL\n")
+    appliance.write("usr/bin/pidof", f"#!/bin/sh\nexit {0 if running else 1}\n")
+    (appliance.root / "usr/bin/pidof").chmod(0o755)
+    appliance.change("lib/odid/maintenance", ("pidof hostapd", "/usr/bin/pidof hostapd"))
+    assert (appliance.run("/lib/odid/maintenance off").returncode == 0) == closed
 
 
 @pytest.mark.parametrize("url, told", [("http://here", []), ("http://there", ["sv term swupdate"]), ("", ["sv term swupdate"])])

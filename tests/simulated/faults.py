@@ -26,6 +26,7 @@ class Fault:
     end: Callable | None = None  # None: it is over at once
     longest_s: float = math.inf  # then it is over by itself
     kept: bool = False  # needs odid-keeper and the others
+    no_position: bool = False  # the daemon is there, and has none
     told: bool = False  # takes nothing away, but is told to the pilot; limit_s: and no longer than that after its end
 
     @property
@@ -48,8 +49,11 @@ def refuse_data(flight):
 
 
 def lose_gnss(message):
+    """As ArduPilot says it: its native LOCATION goes on with the last accuracy, and has no time."""
     if message.get_type() == "GPS_RAW_INT":
         message.fix_type = 1
+    elif message.get_type() == "OPEN_DRONE_ID_LOCATION":
+        message.timestamp = 65535
 
 
 def keep_saying(flight, until_us, every_us, say):
@@ -107,13 +111,13 @@ FAULTS = (
     Fault("hostapd_refuses", WIFI, 1.5, lambda flight: flight.hostapd.order("fail", "2")),
     Fault("hostapd_forgets", WIFI, 0.45, lambda flight: flight.hostapd.order("forget")),
     Fault("autopilot_unplugged", ALL, 2.1, lambda flight: flight.autopilot.device.unplug(),
-          lambda flight: flight.autopilot.device.plug_in()),
+          lambda flight: flight.autopilot.device.plug_in(), no_position=True),
     Fault("autopilot_silent", ALL, 1.2, lambda flight: setattr(flight.autopilot, "silent", True),
-          lambda flight: setattr(flight.autopilot, "silent", False)),
+          lambda flight: setattr(flight.autopilot, "silent", False), no_position=True),
     Fault("gnss_lost", ALL, 1.2, lambda flight: setattr(flight.autopilot, "rewrite", lose_gnss),
-          lambda flight: setattr(flight.autopilot, "rewrite", None)),
+          lambda flight: setattr(flight.autopilot, "rewrite", None), no_position=True),
     Fault("another_vehicle", (), 0.0, for_5_s(100_000, as_autopilot(7))),
-    Fault("forged_autopilot", (), 17.0, for_5_s(100_000, as_autopilot(1)), told=True),
+    Fault("forged_autopilot", (), 67.0, for_5_s(100_000, as_autopilot(1)), told=True),
     Fault("crafted_frames", (), 0.0, for_5_s(20_000, say_crafted)),
     Fault("daemon_killed", ALL, 0.9, lambda flight: flight.world.kill(flight.world.called("odid-daemon")), kept=True),
     Fault("daemon_hangs", ALL, 0.9, hang, go_on, longest_s=3.0, kept=True),

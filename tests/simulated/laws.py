@@ -21,6 +21,7 @@ OTHERS_LATE_S = 3.0
 GOOD_S = 3.6  # "good to arm" stands for so long after the last newer position that anybody heard, or just before one
 BAD_S = 2.5  # and isn't said again for so long after all is well
 TOLD_S = 1.3  # it is told each second
+FAILURE, FAILURE_S = 4, 3.9  # Location's status; the autopilot's last word may be a second old
 GAP_S = 3.0  # a silence that long is in the record, ...
 RECORD_S = 2.5  # ... whose looks are a second apart
 # What the daemon may cost.
@@ -32,7 +33,7 @@ def broken_laws(flight, until_s):
     """Sentences."""
     judgement = flight.judged()
     heard = {track.channel: Heard(track) for track in judgement.tracks}
-    laws = [said_as_the_judge_has_it(flight, judgement), *(
+    laws = [said_as_the_judge_has_it(flight, judgement), failure_is_said(flight, judgement), *(
         waits(flight, channel, name, times, until_s) for channel in flight.channels
         for name, times in (heard[channel].times if channel in heard else NOTHING_HEARD).items())]
     laws += [good_is_true(flight, heard), bad_is_true(flight), it_is_told(flight, until_s),
@@ -67,12 +68,37 @@ class Heard:
 NOTHING_HEARD = {"newer position": [], "basic_id": [], "system": [], "operator_id": [], "self_id": []}
 
 
+# Of the judge's rules about time: how old a position may be, and that the status says when there is none. Its intervals are
+# asked by `waits`.
+LATE_TOO = {"played.stale", "location.age"}  # where the machine is
+HOW_OLD = ABOUT_TIME - {"interval.reception", "interval.content", "limit", "counter.lost", "set.unheard"}
+
+
 def said_as_the_judge_has_it(flight, judgement):
     for one in judgement.findings.violations:
         at_s = seconds(one.mono) if one.mono else 0.0
-        if one.kind not in ABOUT_TIME and not (one.kind in KNOWN_SOON and just_restarted(flight, at_s)) and not (
-                one.kind == "played.system_time" and was_away(flight, one.channel, at_s)):
+        excused = (
+            one.kind in ABOUT_TIME - HOW_OLD or
+            one.kind in LATE_TOO and flight.world.late[0] or
+            (one.kind in HOW_OLD or one.kind == "played.system_time") and was_away(flight, one.channel, at_s) or
+            one.kind in KNOWN_SOON and just_restarted(flight, at_s))
+        if not excused:
             yield f"{one.kind} at {at_s:.3f} s on {one.channel}: {one.what}; expected {one.expected}, found {one.found}"
+
+
+def failure_is_said(flight, judgement):
+    """Remote ID system failure (status 4) from 3 s without a position on, until there is one; and never else."""
+    late_s = lateness_s(flight)
+    for track in judgement.tracks:
+        there = [one for one in flight.windows if one.channel == track.channel]
+        for where, location in track.of_type("location"):
+            at_s = seconds(where.reception.mono)
+            if location.status == FAILURE and not any(
+                    one.fault.channels == ALL and one.begin_s <= at_s <= one.back_s + one.fault.limit_s + late_s for one in there):
+                yield f"{track.channel}: Remote ID system failure at {at_s:.3f} s, and nothing was wrong"
+            if location.status != FAILURE and any(
+                    one.fault.no_position and one.begin_s + FAILURE_S + late_s < at_s < one.back_s for one in there):
+                yield f"{track.channel}: status {location.status} at {at_s:.3f} s, where there was no position for long"
 
 
 # A daemon that has just begun knows the geoid's separation with the autopilot's next GPS_RAW_INT, the time with its next

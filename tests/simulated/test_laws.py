@@ -3,9 +3,10 @@
 import pytest
 from host.flight import write_flight
 
-from .faults import FAULTS
+from .faults import FAULTS, Window
 from .flight import Flight
 from .laws import broken_laws
+from .world import START_US
 
 FLIGHT_S = 120
 BROKEN = {
@@ -13,6 +14,7 @@ BROKEN = {
     "no other message": ("bt4: no basic_id", "bt4: no system", "bt4: no operator_id", "bt4: no self_id", "bt5: no system"),
     "told that it is bad": ('"Bluetooth 4 off: absent"', '"no heartbeat from autopilot"'),
     "not told": ("no ARM_STATUS",),
+    "failure": ("bt4: Remote ID system failure", "wifi: Remote ID system failure"),
     "recorded gaps": ("bt4: the flight record has a gap", "wifi: the flight record has a gap")}
 
 
@@ -38,6 +40,28 @@ def test_without_it_each_is_broken(harmed, sentences, monkeypatch):
     broken = broken_laws(harmed, FLIGHT_S)
     for sentence in sentences:
         assert any(one.startswith(sentence) for one in broken), sentence
+
+
+def test_a_failure_that_isn_t_said_is_missed(harmed, monkeypatch):
+    """Four seconds without a word of the autopilot's, said to have been ten."""
+    monkeypatch.setattr(harmed, "windows", [
+        one._replace(back_s=one.back_s + 6) if one.fault.no_position else one for one in harmed.windows])
+    assert any("where there was no position for long" in one for one in broken_laws(harmed, FLIGHT_S))
+
+
+def test_a_judge_s_rule_is_heard(harmed, monkeypatch):
+    """As by a daemon whose position is another one."""
+    judgement = harmed.judged()
+    judgement.findings.violation("played.position", (0.0, START_US / 1e6 + 50), "the position was never played", "a", "b", "bt4")
+    monkeypatch.setattr(harmed, "judged", lambda: judgement)
+    assert any(one.startswith("played.position at 50.000 s on bt4") for one in broken_laws(harmed, FLIGHT_S))
+
+
+def test_a_forgery_that_isn_t_told_is_missed(harmed, monkeypatch):
+    told = next(one for one in FAULTS if one.told)
+    monkeypatch.setattr(harmed, "windows", [*harmed.windows, Window(None, 40.0, 45.0, told)])
+    monkeypatch.setattr(harmed.autopilot, "said", [one._replace(good=True) for one in harmed.autopilot.said])
+    assert any("the pilot wasn't told" in one for one in broken_laws(harmed, FLIGHT_S))
 
 
 def test_good_is_not_believed_where_nothing_was_heard(harmed, monkeypatch):

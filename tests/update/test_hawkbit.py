@@ -31,6 +31,15 @@ def ready(make_appliance, request, server):
     return one
 
 
+def assert_left_alone(ready, server, installer):
+    """SWUpdate is another process than that one by then, and asks no server."""
+    wait_for("another SWUpdate", lambda: ready.machine.must("cat /run/pid/swupdate") != installer)
+    ready.wait_ready()
+    polls = server.polls
+    time.sleep(4 * server.poll_s)
+    assert server.polls == polls
+
+
 def test_an_update_is_fetched_installed_and_reported(ready, server):
     wait_for("a poll", lambda: server.polls > 1)
     assert server.attributes["version"] == bundles.running_version()
@@ -74,12 +83,10 @@ def test_a_server_that_breaks_off_is_left_alone_for_a_while(ready, server):
     server.break_at, server.breaks_for_good = bundle.stat().st_size // 3, True
     server.offer(22, bundle, NEWER)
     ready.wait_state("installing")
+    installer = ready.machine.must("cat /run/pid/swupdate")
     ready.wait_state("idle")
     assert ready.result()["outcome"] == "refused"
-    ready.wait_ready()
-    polls = server.polls
-    time.sleep(4 * server.poll_s)
-    assert server.polls == polls
+    assert_left_alone(ready, server, installer)
     assert ready.machine.run("test -e /run/updating")[0] != 0
     assert ready.protected()
 
@@ -107,7 +114,8 @@ def test_one_that_is_refused_is_reported(ready, server):
 
 
 def test_one_that_is_called_off_while_it_comes(ready, server):
-    """At the server, in the middle of it: no more is written, nothing is marked, and the server is told that it is over."""
+    """At the server, in the middle of it: no more is written, nothing is marked, and the server is told that it is over.
+    Then it is left alone for a while: one that offers and calls off, again and again, kept the aircraft on the ground."""
     def found():
         return (ready.starts(), ready.kept(),       # ustate is SWUpdate's own
                 {name: value for name, value in ready.variables().items() if name != "ustate"})
@@ -115,13 +123,13 @@ def test_one_that_is_called_off_while_it_comes(ready, server):
     server.rate = bundle.stat().st_size // (3 * OFFERED_POLL_S)     # SWUpdate asks meanwhile
     server.offer(25, bundle, NEWER)
     ready.wait_state("installing")
+    installer = ready.machine.must("cat /run/pid/swupdate")
     server.cancel()
     wait_for("the answer", lambda: server.cancelled)
     assert [status["execution"] for status in server.cancelled] == ["closed"]
     ready.wait_state("idle")
-    polls = server.polls
-    wait_for("it to go on asking", lambda: server.polls > polls + 1)
     assert "called off" in ready.result()["sentence"]
+    assert_left_alone(ready, server, installer)
     assert found() == before and ready.protected()
     assert not server.violations
 

@@ -9,17 +9,6 @@
 #include "identifiers.h"
 
 #define SAME_FLIGHT_US 60000000
-/* An operator stands on Earth. */
-#define OPERATOR_MIN_M -500.0
-#define OPERATOR_MAX_M 9000.0
-
-/* Until a SYSTEM says otherwise: who sends updates has an operator who moves. */
-static void forget_native_system(struct aircraft *aircraft)
-{
-    memset(&aircraft->native_system, 0, sizeof(aircraft->native_system));
-    aircraft->native_system.operator_location_type = MAV_ODID_OPERATOR_LOCATION_TYPE_LIVE_GNSS;
-    aircraft->operator_us = INT64_MIN;
-}
 
 struct aircraft *aircraft_init(const struct config *config, int64_t start_us)
 {
@@ -30,8 +19,8 @@ struct aircraft *aircraft_init(const struct config *config, int64_t start_us)
     aircraft.start_us = start_us;
     aircraft.heartbeat_us = INT64_MIN;
     arming_init(&aircraft.arming, false);
-    aircraft.landed_us = aircraft.in_air_us = INT64_MIN;
-    aircraft.gps_us = aircraft.gps2_us = INT64_MIN;
+    aircraft.landed_us = aircraft.in_air_us = aircraft.crashed_us = INT64_MIN;
+    aircraft_forget_receivers(&aircraft);
     aircraft.armed_ended_us = INT64_MIN;
     aircraft.separation_m = NAN;
     aircraft.telemetry.fix_us = aircraft.position_boot_us = INT64_MIN;
@@ -40,7 +29,9 @@ struct aircraft *aircraft_init(const struct config *config, int64_t start_us)
     aircraft.native_location.said_us = INT64_MIN;
     aircraft.native_rated_us = aircraft.native_behind_us = INT64_MIN;
     aircraft.telemetry_rate.last_us = aircraft.native_rate.last_us = INT64_MIN;
-    forget_native_system(&aircraft);
+    for (enum aircraft_speaker i = 0; i < AIRCRAFT_SPEAKERS; i++) {
+        aircraft_forget_speaker(&aircraft, i);
+    }
     return &aircraft;
 }
 
@@ -59,11 +50,13 @@ void aircraft_restore_armed(struct aircraft *aircraft, bool armed)
 
 void aircraft_restore_fix(struct aircraft *aircraft, int64_t now_us)
 {
-    aircraft->gps_us = now_us;
-    aircraft->gps_fix_type = GPS_FIX_TYPE_2D_FIX;
-    aircraft->gps_latitude_deg = aircraft->gps_longitude_deg = NAN;
-    aircraft->horizontal_accuracy_m = aircraft->vertical_accuracy_m = NAN;
-    aircraft->speed_accuracy_mps = NAN;
+    aircraft->receiver[0] = (struct aircraft_receiver){.said_us = now_us,
+                                                       .fix_type = GPS_FIX_TYPE_2D_FIX,
+                                                       .latitude_deg = NAN,
+                                                       .longitude_deg = NAN,
+                                                       .horizontal_accuracy_m = NAN,
+                                                       .vertical_accuracy_m = NAN,
+                                                       .speed_accuracy_mps = NAN};
 }
 
 void aircraft_restore_takeoff(struct aircraft *aircraft, const struct aircraft_takeoff *takeoff)
@@ -101,16 +94,14 @@ static void forget_before_restart(struct aircraft *aircraft)
         return;
     }
     aircraft->boot_seen = aircraft->clock.restarts;
-    aircraft->gps_us = aircraft->gps2_us = INT64_MIN;
+    aircraft_forget_receivers(aircraft);
     aircraft->waiting_position.came_us = aircraft->waiting_time.came_us = INT64_MIN;
     aircraft->native_rated_us = INT64_MIN;
     aircraft->native_location.said_us = INT64_MIN;
     aircraft->landed_us = aircraft->in_air_us = INT64_MIN;
     memset(aircraft->native_basic_id, 0, sizeof(aircraft->native_basic_id));
     aircraft->auth_received = 0;
-    aircraft->native_description[0] = '\0';
-    aircraft->native_operator_id[0] = '\0';
-    forget_native_system(aircraft);
+    aircraft_forget_speaker(aircraft, AIRCRAFT_SPEAKER_VEHICLE);
 }
 
 /* Armed again so soon, and in the air: it is the same flight. */
@@ -145,9 +136,15 @@ static void take_heartbeat(struct aircraft *aircraft, const struct telemetry_upd
     aircraft->says_disarmed = !says_armed && !update->heartbeat.doubtful;
     aircraft->armed = armed;
     aircraft->heartbeat_us = now_us;
+    aircraft->simulated = update->heartbeat.base_mode & MAV_MODE_FLAG_HIL_ENABLED;
     aircraft->mav_type = update->heartbeat.mav_type;
     aircraft->autopilot = update->heartbeat.autopilot;
-    aircraft->system_status = update->heartbeat.system_status;
+    aircraft->doubtful = update->heartbeat.doubtful;
+    /* Where two take turns, one word alone changes nothing. */
+    if (!aircraft->doubtful || aircraft->said_status == update->heartbeat.system_status) {
+        aircraft->system_status = update->heartbeat.system_status;
+    }
+    aircraft->said_status = update->heartbeat.system_status;
     aircraft_look_for_takeoff(aircraft, now_us);
 }
 
@@ -202,6 +199,10 @@ static void take_authentication(struct aircraft *aircraft, const struct telemetr
     if (page.page >= TELEMETRY_AUTH_PAGES || page.last_page >= TELEMETRY_AUTH_PAGES) {
         return;
     }
+    if (aircraft->auth_by_ground_station && !update->by_ground_station) {
+        aircraft->auth_received = 0; /* from now on they are the vehicle's own */
+    }
+    aircraft->auth_by_ground_station = update->by_ground_station;
     memcpy(page.data, update->authentication.data, sizeof(page.data));
     have = aircraft->auth_received >> page.page & 1;
     same = have && same_page(&page, &aircraft->auth[page.page]);
@@ -210,47 +211,6 @@ static void take_authentication(struct aircraft *aircraft, const struct telemetr
     }
     aircraft->auth[page.page] = page;
     aircraft->auth_received |= 1U << page.page;
-}
-
-static void take_system(struct aircraft *aircraft, const struct telemetry_update *update,
-                        int64_t now_us)
-{
-    struct aircraft_native_system *native = &aircraft->native_system;
-    bool whole = update->kind == TELEMETRY_SYSTEM;
-    bool undated = update->system.timestamp_2019_s == 0; /* then that it came has to do */
-    bool moved = aircraft->operator_us == INT64_MIN || undated ||
-                 update->system.timestamp_2019_s != native->timestamp_2019_s;
-
-    if (whole) {
-        native->known = true;
-        if (update->system.operator_location_type <= MAV_ODID_OPERATOR_LOCATION_TYPE_FIXED) {
-            native->operator_location_type = update->system.operator_location_type;
-        }
-        native->classification_type = update->system.classification_type;
-        native->category_eu = update->system.category_eu;
-        native->class_eu = update->system.class_eu;
-        native->area_count = update->system.area_count;
-        native->area_radius_m = update->system.area_radius_m;
-        native->area_ceiling_m = update->system.area_ceiling_m;
-        native->area_floor_m = update->system.area_floor_m;
-    }
-    native->latitude_deg = update->system.operator_latitude_deg;
-    native->longitude_deg = update->system.operator_longitude_deg;
-    native->altitude_m = update->system.operator_altitude_m >= OPERATOR_MIN_M &&
-                                 update->system.operator_altitude_m <= OPERATOR_MAX_M
-                             ? update->system.operator_altitude_m
-                             : NAN;
-    native->timestamp_2019_s = update->system.timestamp_2019_s;
-    if (aircraft_near_zero(native->latitude_deg, native->longitude_deg)) {
-        native->latitude_deg = native->longitude_deg = NAN; /* a field that nobody filled */
-    }
-    native->ahead_s = undated || !aircraft->clock.utc_known
-                          ? 0
-                          : (int64_t)native->timestamp_2019_s + UNIX_2019_S -
-                                autopilot_clock_unix_us(&aircraft->clock, now_us) / 1000000;
-    if (moved) {
-        aircraft->operator_us = now_us;
-    }
 }
 
 static void take_global_position(struct aircraft *aircraft, const struct telemetry_update *update,
@@ -309,12 +269,6 @@ static void take_landed_state(struct aircraft *aircraft, uint8_t landed_state, i
     aircraft_look_for_takeoff(aircraft, now_us);
 }
 
-static void take_text(char *to, const char *from, size_t size)
-{
-    memcpy(to, from, size);
-    identifiers_remove_secrets(to); /* some ground stations send the operator's whole entry */
-}
-
 void aircraft_update(struct aircraft *aircraft, const struct telemetry_update *update,
                      int64_t now_us)
 {
@@ -326,14 +280,9 @@ void aircraft_update(struct aircraft *aircraft, const struct telemetry_update *u
         take_system_time(aircraft, update, now_us);
         break;
     case TELEMETRY_GPS_RAW:
+    case TELEMETRY_GPS2_RAW:
         aircraft_take_gps_raw(aircraft, update, now_us);
         confirm(aircraft, now_us);
-        break;
-    case TELEMETRY_GPS2_RAW:
-        if (update->gps_raw.fix_type >= GPS_FIX_TYPE_2D_FIX) {
-            aircraft->gps2_us = now_us;
-            confirm(aircraft, now_us);
-        }
         break;
     case TELEMETRY_GLOBAL_POSITION:
         take_global_position(aircraft, update, now_us);
@@ -347,6 +296,9 @@ void aircraft_update(struct aircraft *aircraft, const struct telemetry_update *u
     case TELEMETRY_CLIMB:
         vertical_climb(&aircraft->vertical, update->climb_mps);
         break;
+    case TELEMETRY_CRASHED:
+        aircraft->crashed_us = now_us;
+        break;
     case TELEMETRY_BASIC_ID:
         take_basic_id(aircraft, update);
         break;
@@ -359,18 +311,14 @@ void aircraft_update(struct aircraft *aircraft, const struct telemetry_update *u
         take_authentication(aircraft, update);
         break;
     case TELEMETRY_SELF_ID:
-        aircraft->native_description_type = update->self_id.type;
-        take_text(aircraft->native_description, update->self_id.text,
-                  sizeof(aircraft->native_description));
+        aircraft_take_self_id(aircraft, update, now_us);
         break;
     case TELEMETRY_SYSTEM:
     case TELEMETRY_SYSTEM_UPDATE:
-        take_system(aircraft, update, now_us);
+        aircraft_take_system(aircraft, update, now_us);
         break;
     case TELEMETRY_OPERATOR_ID:
-        aircraft->native_operator_id_type = update->operator_id.type;
-        take_text(aircraft->native_operator_id, update->operator_id.operator_id,
-                  sizeof(aircraft->native_operator_id));
+        aircraft_take_operator_id(aircraft, update);
         break;
     case TELEMETRY_COMMAND_ACK: /* asking.h's */
         break;

@@ -101,8 +101,10 @@ struct aircraft_view {
 
 /* What the autopilot says besides, for status and pilot. */
 struct aircraft_condition {
-    bool armed; /* arming.h */
-    bool emergency;
+    bool armed;              /* arming.h */
+    bool emergency;          /* declared, or measured */
+    bool emergency_declared; /* by a SELF_ID */
+    bool operators_differ;   /* vehicle and ground station each tell an operator's place */
     bool heartbeat_fresh;
     bool time_known;
     int64_t unix_us; /* UTC now, when time_known */
@@ -110,6 +112,8 @@ struct aircraft_condition {
     bool takeoff_is_home;     /* armed unheard or without a fix: its home stands in */
     bool takeoff_is_late;     /* armed without a fix: the first one on the ground stands in */
     bool fix_known;           /* the autopilot's, within the last 3 s */
+    bool apart;               /* its position isn't where its GNSS receiver is, and doesn't count */
+    bool simulated;           /* HEARTBEAT says hardware in the loop */
     bool vertical_inverted;   /* it sends vertical speed upside down: set right (vertical.h) */
     int64_t operator_ahead_s; /* the ground station's clock; 0 while not known */
     uint8_t mav_type, autopilot;

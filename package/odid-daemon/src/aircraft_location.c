@@ -47,6 +47,8 @@ static int speed_code(float accuracy_mps)
 static void fill_from_telemetry(const struct aircraft *aircraft, int64_t now_us,
                                 struct aircraft_location *out)
 {
+    const struct aircraft_receiver *receiver = aircraft_receiver(aircraft, now_us);
+
     if (isnan(out->altitude_geodetic_m)) {
         out->altitude_geodetic_m = aircraft_geodetic_m(aircraft, &aircraft->telemetry);
     }
@@ -55,14 +57,14 @@ static void fill_from_telemetry(const struct aircraft *aircraft, int64_t now_us,
         out->height_above_ground = false;
     }
     /* Accuracies go with the fix: a filter that coasts has others. */
-    if (!aircraft_fresh(aircraft->gps_us, now_us) || !aircraft_fix_known(aircraft, now_us)) {
+    if (receiver == NULL) {
         return;
     }
     if (out->horizontal_accuracy == 0) {
-        out->horizontal_accuracy = accuracy_code(aircraft->horizontal_accuracy_m, horizontal_code);
+        out->horizontal_accuracy = accuracy_code(receiver->horizontal_accuracy_m, horizontal_code);
     }
     if (out->vertical_accuracy == 0) {
-        out->vertical_accuracy = accuracy_code(aircraft->vertical_accuracy_m, vertical_code);
+        out->vertical_accuracy = accuracy_code(receiver->vertical_accuracy_m, vertical_code);
     }
 }
 
@@ -72,23 +74,23 @@ static void fill_from_native(const struct aircraft *aircraft, int64_t now_us,
     const struct aircraft_native_location *native = &aircraft->native_location;
 
     out->altitude_barometric_m = native->altitude_barometric_m; /* telemetry has none */
-    out->barometer_accuracy = native->received.location.barometer_accuracy;
+    out->barometer_accuracy = native->counted.location.barometer_accuracy;
     if (isnan(out->altitude_geodetic_m)) {
         out->altitude_geodetic_m = native->altitude_geodetic_m;
     }
     if (isnan(out->height_m)) {
-        out->height_m = native->received.location.height_m;
+        out->height_m = native->counted.location.height_m;
         out->height_above_ground =
-            native->received.location.height_reference == MAV_ODID_HEIGHT_REF_OVER_GROUND;
+            native->counted.location.height_reference == MAV_ODID_HEIGHT_REF_OVER_GROUND;
     }
     if (!aircraft_fix_known(aircraft, now_us)) {
         return;
     }
     if (out->horizontal_accuracy == 0) {
-        out->horizontal_accuracy = native->received.location.horizontal_accuracy;
+        out->horizontal_accuracy = native->counted.location.horizontal_accuracy;
     }
     if (out->vertical_accuracy == 0) {
-        out->vertical_accuracy = native->received.location.vertical_accuracy;
+        out->vertical_accuracy = native->counted.location.vertical_accuracy;
     }
 }
 
@@ -98,7 +100,8 @@ static void view_telemetry_position(const struct aircraft *aircraft, int64_t now
     out->position_source = SOURCE_TELEMETRY;
     out->timestamp_s = hour_seconds_at(aircraft, aircraft->telemetry.fix_us);
     fill_from_telemetry(aircraft, now_us, out);
-    if (aircraft_native_fresh(aircraft, now_us)) {
+    /* While its own position counts: what is said of now doesn't belong to a place of before. */
+    if (aircraft_fresh(aircraft->native.fix_us, now_us)) {
         fill_from_native(aircraft, now_us, out);
     }
 }
@@ -111,7 +114,7 @@ static void view_native_position(const struct aircraft *aircraft, int64_t now_us
     out->position_source = SOURCE_NATIVE;
     if (native->instant_known) {
         out->timestamp_s = hour_seconds_at(aircraft, aircraft->native.fix_us);
-        out->timestamp_accuracy = native->received.location.timestamp_accuracy;
+        out->timestamp_accuracy = native->counted.location.timestamp_accuracy;
     }
     fill_from_native(aircraft, now_us, out);
     if (aircraft_fresh(aircraft->telemetry.fix_us, now_us)) {
@@ -151,7 +154,7 @@ static void view_position(const struct aircraft *aircraft, int64_t now_us,
 
 static bool native_motion_known(const struct aircraft *aircraft)
 {
-    const struct telemetry_update *native = &aircraft->native_location.received;
+    const struct telemetry_update *native = &aircraft->native_location.counted;
 
     return !isnan(native->location.direction_deg) || !isnan(native->location.speed_mps) ||
            !isnan(native->location.vertical_speed_mps);
@@ -160,6 +163,7 @@ static bool native_motion_known(const struct aircraft *aircraft)
 static void fill_motion_from_telemetry(const struct aircraft *aircraft, int64_t now_us,
                                        struct aircraft_location *out)
 {
+    const struct aircraft_receiver *receiver = aircraft_receiver(aircraft, now_us);
     const struct aircraft_fix *fix = &aircraft->telemetry;
     double speed_mps = hypot(fix->north_mps, fix->east_mps);
 
@@ -172,14 +176,14 @@ static void fill_motion_from_telemetry(const struct aircraft *aircraft, int64_t 
     if (isnan(out->direction_deg) && speed_mps >= COURSE_MIN_MPS) {
         out->direction_deg = fmod(atan2(fix->east_mps, fix->north_mps) * 180 / M_PI + 360, 360);
     }
-    if (out->speed_accuracy == 0 && aircraft_fresh(aircraft->gps_us, now_us)) {
-        out->speed_accuracy = accuracy_code(aircraft->speed_accuracy_mps, speed_code);
+    if (out->speed_accuracy == 0 && receiver != NULL) {
+        out->speed_accuracy = accuracy_code(receiver->speed_accuracy_mps, speed_code);
     }
 }
 
 static void fill_motion_from_native(const struct aircraft *aircraft, struct aircraft_location *out)
 {
-    const struct telemetry_update *native = &aircraft->native_location.received;
+    const struct telemetry_update *native = &aircraft->native_location.counted;
 
     out->direction_deg = native->location.direction_deg;
     out->speed_mps = native->location.speed_mps;
@@ -191,7 +195,8 @@ static void view_motion(const struct aircraft *aircraft, int64_t now_us,
                         struct aircraft_location *out)
 {
     bool telemetry = aircraft_fresh(aircraft->telemetry.fix_us, now_us);
-    bool native = aircraft_native_fresh(aircraft, now_us) && native_motion_known(aircraft) &&
+    bool native = aircraft_fresh(aircraft->native.fix_us, now_us) &&
+                  native_motion_known(aircraft) &&
                   (!telemetry || out->position_source == SOURCE_NATIVE);
 
     if (native) {

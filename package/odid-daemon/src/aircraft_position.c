@@ -54,14 +54,15 @@ bool aircraft_native_fresh(const struct aircraft *aircraft, int64_t now_us)
 
 /*
  * One of its receivers says so, or the autopilot dates and rates its native
- * position. An estimator gives a position without any of these.
+ * position: since the receivers that are heard say that there is none, if they
+ * do, for it may have another one. An estimator gives a position without any of
+ * these.
  */
 bool aircraft_fix_known(const struct aircraft *aircraft, int64_t now_us)
 {
-    return (aircraft_fresh(aircraft->gps_us, now_us) &&
-            aircraft->gps_fix_type >= GPS_FIX_TYPE_2D_FIX) ||
-           aircraft_fresh(aircraft->gps2_us, now_us) ||
-           aircraft_fresh(aircraft->native_rated_us, now_us);
+    return aircraft_receiver(aircraft, now_us) != NULL ||
+           (aircraft_fresh(aircraft->native_rated_us, now_us) &&
+            aircraft->native_rated_us > aircraft->no_fix_us);
 }
 
 bool aircraft_near_zero(double latitude_deg, double longitude_deg)
@@ -73,12 +74,14 @@ bool aircraft_near_zero(double latitude_deg, double longitude_deg)
 static bool counts(const struct aircraft *aircraft, double latitude_deg, double longitude_deg,
                    int64_t now_us)
 {
+    const struct aircraft_receiver *receiver = aircraft_receiver(aircraft, now_us);
+
     if (isnan(latitude_deg) || !aircraft_fix_known(aircraft, now_us)) {
         return false;
     }
     return !aircraft_near_zero(latitude_deg, longitude_deg) ||
-           (aircraft_fresh(aircraft->gps_us, now_us) &&
-            aircraft_near_zero(aircraft->gps_latitude_deg, aircraft->gps_longitude_deg));
+           (receiver != NULL &&
+            aircraft_near_zero(receiver->latitude_deg, receiver->longitude_deg));
 }
 
 /* ---- which one speaks ---- */
@@ -106,9 +109,11 @@ static void compare(struct aircraft *aircraft, int64_t now_us)
 const struct aircraft_fix *aircraft_best_fix(const struct aircraft *aircraft, int64_t now_us)
 {
     const struct aircraft_fix *native = &aircraft->native, *telemetry = &aircraft->telemetry;
-    bool native_fresh = aircraft_fresh(native->fix_us, now_us);
+    bool native_fresh =
+        aircraft_fresh(native->fix_us, now_us) && !aircraft_is_apart(aircraft, native, now_us);
 
-    if (!aircraft_fresh(telemetry->fix_us, now_us)) {
+    if (!aircraft_fresh(telemetry->fix_us, now_us) ||
+        aircraft_is_apart(aircraft, telemetry, now_us)) {
         return native_fresh ? native : NULL;
     }
     return native_fresh &&
@@ -157,30 +162,10 @@ static void count(struct aircraft_rate *rate, int64_t now_us)
 
 /* ---- plain telemetry ---- */
 
-void aircraft_take_gps_raw(struct aircraft *aircraft, const struct telemetry_update *update,
-                           int64_t now_us)
-{
-    aircraft->gps_us = now_us;
-    aircraft->gps_fix_type = update->gps_raw.fix_type;
-    aircraft->gps_latitude_deg = update->gps_raw.latitude_deg;
-    aircraft->gps_longitude_deg = update->gps_raw.longitude_deg;
-    aircraft->horizontal_accuracy_m = update->gps_raw.horizontal_accuracy_m;
-    aircraft->vertical_accuracy_m = update->gps_raw.vertical_accuracy_m;
-    aircraft->speed_accuracy_mps = update->gps_raw.speed_accuracy_mps;
-    /* What was said without a fix isn't confirmed by one that comes later. */
-    if (update->gps_raw.fix_type < GPS_FIX_TYPE_2D_FIX) {
-        aircraft->waiting_position.came_us = aircraft->waiting_time.came_us = INT64_MIN;
-    }
-    /* The geoid changes by metres over tens of kilometres: the last one holds. */
-    if (!isnan(update->gps_raw.separation_m) && update->gps_raw.fix_type >= GPS_FIX_TYPE_3D_FIX) {
-        aircraft->separation_m = update->gps_raw.separation_m;
-    }
-}
-
 void aircraft_keep_waiting(const struct aircraft *aircraft, struct aircraft_waiting *waiting,
                            int64_t now_us)
 {
-    if (aircraft_fresh(aircraft->gps_us, now_us)) { /* it was said that there is none */
+    if (aircraft_receivers_heard(aircraft, now_us)) { /* it was said that there is none */
         waiting->came_us = INT64_MIN;
     }
 }
@@ -214,12 +199,14 @@ bool aircraft_confirm_position(struct aircraft *aircraft, int64_t now_us)
 bool aircraft_take_global_position(struct aircraft *aircraft, const struct telemetry_update *update,
                                    int64_t stamped_us, int64_t now_us)
 {
-    int64_t boot_us = stamped_us - aircraft->clock.offset_us;
+    /* Nor does one from the future. */
+    int64_t boot_us = (stamped_us < now_us ? stamped_us : now_us) - aircraft->clock.offset_us;
     bool moved = aircraft->position_boot_us == INT64_MIN ||
                  aircraft->position_boot != aircraft->clock.restarts ||
                  boot_us > aircraft->position_boot_us;
 
-    if (!moved) {
+    /* One that says no place says nothing of when the next one is due. */
+    if (!moved || isnan(update->global_position.latitude_deg)) {
         return false;
     }
     aircraft->position_boot = aircraft->clock.restarts;
@@ -324,14 +311,15 @@ bool aircraft_take_location(struct aircraft *aircraft, const struct telemetry_up
     if (!native_moved(aircraft, update)) {
         return false;
     }
+    native->statuses = aircraft_native_fresh(aircraft, now_us) &&
+                               update->location.status == native->received.location.status
+                           ? native->statuses + 1
+                           : 1;
     native->instant_known =
         native_instant(aircraft, update->location.timestamp_s, now_us, &instant_us);
     native->said_us = instant_us;
     native->received = *update;
     native->timestamp_s = update->location.timestamp_s;
-    native->altitude_geodetic_m = update->location.altitude_geodetic_m;
-    native->altitude_barometric_m = update->location.altitude_barometric_m;
-    correct_px4(aircraft, native);
     /* Without a fix ArduPilot goes on with the last accuracy, and has no time for it. */
     if (!isnan(native->timestamp_s) && update->location.horizontal_accuracy != 0) {
         aircraft->native_rated_us = now_us;
@@ -339,6 +327,10 @@ bool aircraft_take_location(struct aircraft *aircraft, const struct telemetry_up
     if (!counts(aircraft, update->location.latitude_deg, update->location.longitude_deg, now_us)) {
         return false;
     }
+    native->counted = *update;
+    native->altitude_geodetic_m = update->location.altitude_geodetic_m;
+    native->altitude_barometric_m = update->location.altitude_barometric_m;
+    correct_px4(aircraft, native);
     aircraft->native.fix_us = instant_us;
     aircraft->native.latitude_deg = update->location.latitude_deg;
     aircraft->native.longitude_deg = update->location.longitude_deg;

@@ -1,8 +1,8 @@
 /*
  * The inside of struct aircraft, for the files that make it up: aircraft.c takes
  * what comes (positions by aircraft_position.c, take-off and home by
- * aircraft_takeoff.c), aircraft_view.c chooses from it (Location by
- * aircraft_location.c, its status by aircraft_status.c).
+ * aircraft_takeoff.c, what only people know by aircraft_operator.c), aircraft_view.c chooses from
+ * it (Location by aircraft_location.c, its status by aircraft_status.c).
  */
 #ifndef ODID_AIRCRAFT_STATE_H
 #define ODID_AIRCRAFT_STATE_H
@@ -15,8 +15,9 @@
 /* The rate of positions is the mean of about so many intervals. */
 #define AIRCRAFT_RATE_POSITIONS 10
 #define UNIX_2019_S INT64_C(1546300800)
-/* Who tells the operator's place seldom, at 3.5 s for instance, is still who tells it. */
-#define AIRCRAFT_OPERATOR_KEPT_US 10000000
+/* Who tells the operator's place seldom, at 3.5 s for instance, is still who tells it; ArduPilot
+ * passes each of a ground station's messages on every 5 s. */
+#define AIRCRAFT_SPEAKER_KEPT_US 10000000
 
 /* A position as one source gave it last. */
 struct aircraft_fix {
@@ -24,6 +25,16 @@ struct aircraft_fix {
     double latitude_deg, longitude_deg;
     double altitude_msl_m, relative_altitude_m;     /* plain telemetry only */
     double north_mps, east_mps, vertical_speed_mps; /* plain telemetry only */
+    int64_t apart_us; /* since when it isn't where the receiver is; INT64_MIN: it is */
+};
+
+/* GPS_RAW_INT's, GPS2_RAW's. */
+#define AIRCRAFT_RECEIVERS 2
+struct aircraft_receiver {
+    int64_t said_us;                    /* INT64_MIN: never */
+    uint8_t fix_type;                   /* GPS_FIX_TYPE */
+    double latitude_deg, longitude_deg; /* NAN unknown, likewise below */
+    double horizontal_accuracy_m, vertical_accuracy_m, speed_accuracy_mps;
 };
 
 /* What counts only with a GNSS fix, and came before one was known. */
@@ -40,13 +51,30 @@ struct aircraft_rate {
 struct aircraft_native_location {
     int64_t said_us;                  /* its own instant, on our clock; INT64_MIN: never */
     struct telemetry_update received; /* its location, as it came */
+    struct telemetry_update counted;  /* the one whose position is native.fix_us's */
+    unsigned statuses;                /* so many in a row have said the same status */
     double timestamp_s;
     bool instant_known; /* the timestamp could be laid on our clock */
     double altitude_geodetic_m, altitude_barometric_m; /* corrected for the sender's habits */
 };
 
+/* Who says what can't be measured: the aircraft's own side, or a ground station. */
+enum aircraft_speaker { AIRCRAFT_SPEAKER_VEHICLE, AIRCRAFT_SPEAKER_GROUND, AIRCRAFT_SPEAKERS };
+
+struct aircraft_description {
+    int64_t said_us; /* INT64_MIN: never */
+    uint8_t type;
+    char text[24]; /* empty: taken back, or never said */
+};
+
+struct aircraft_operator_number {
+    uint8_t type;
+    char number[21];
+};
+
 struct aircraft_native_system {
-    bool known;
+    int64_t said_us; /* when its timestamp moved last; INT64_MIN: never */
+    bool known;      /* not the operator's place only */
     uint8_t operator_location_type, classification_type, category_eu, class_eu;
     double latitude_deg, longitude_deg, altitude_m;
     uint16_t area_count, area_radius_m;
@@ -66,7 +94,9 @@ struct aircraft {
     struct autopilot_clock clock;
 
     int64_t heartbeat_us; /* INT64_MIN: never; likewise below */
-    uint8_t mav_type, autopilot, system_status;
+    uint8_t mav_type, autopilot, system_status, said_status;
+    bool doubtful;  /* two sources speak as the autopilot */
+    bool simulated; /* it says that it flies in a simulation */
     struct arming arming;
     bool armed;         /* its outcome */
     bool says_disarmed; /* its last word, from one source */
@@ -74,7 +104,8 @@ struct aircraft {
     unsigned boot_seen; /* the autopilot's starts of which something is known */
     int64_t landed_us;
     uint8_t landed_state;
-    int64_t in_air_us; /* the last landed state that said so */
+    int64_t in_air_us;  /* the last landed state that said so */
+    int64_t crashed_us; /* when the autopilot said so; forgotten when it is armed again */
 
     bool takeoff_pending; /* armed, and may still become known */
     bool takeoff_is_home, takeoff_is_late;
@@ -86,12 +117,9 @@ struct aircraft {
     struct vertical vertical;
     int64_t position_boot_us; /* its own timestamp, not wrapped, ... */
     unsigned position_boot;   /* ... since which start of the autopilot */
-    int64_t gps_us;
-    int64_t gps2_us; /* when a second receiver said last that it has a fix */
-    uint8_t gps_fix_type;
-    double gps_latitude_deg, gps_longitude_deg; /* NAN unknown */
+    struct aircraft_receiver receiver[AIRCRAFT_RECEIVERS];
+    int64_t no_fix_us;   /* since when they say that there is none; INT64_MIN: they don't */
     double separation_m; /* ellipsoid height minus height above mean sea level; NAN unknown */
-    double horizontal_accuracy_m, vertical_accuracy_m, speed_accuracy_mps;
 
     struct aircraft_fix native;
     struct aircraft_rate native_rate;
@@ -106,12 +134,11 @@ struct aircraft {
     bool basic_id_by_ground_station[2];           /* not the vehicle's own word */
     struct aircraft_auth_page auth[TELEMETRY_AUTH_PAGES];
     uint32_t auth_received; /* bit per page */
-    uint8_t native_description_type;
-    char native_description[24];
-    struct aircraft_native_system native_system;
-    int64_t operator_us; /* when its timestamp moved last */
-    uint8_t native_operator_id_type;
-    char native_operator_id[21];
+    bool auth_by_ground_station;
+    struct aircraft_description description[AIRCRAFT_SPEAKERS];
+    struct aircraft_operator_number operator_number[AIRCRAFT_SPEAKERS];
+    struct aircraft_native_system system[AIRCRAFT_SPEAKERS];
+    enum aircraft_speaker system_speaker; /* whose counts */
 };
 
 /* Is an instant, INT64_MIN for never, less than AIRCRAFT_FRESH_US ago? */
@@ -135,8 +162,6 @@ void aircraft_keep_waiting(const struct aircraft *aircraft, struct aircraft_wait
 /* Within 1 km of 0,0. */
 bool aircraft_near_zero(double latitude_deg, double longitude_deg);
 bool aircraft_waits(const struct aircraft_waiting *waiting, int64_t now_us);
-void aircraft_take_gps_raw(struct aircraft *aircraft, const struct telemetry_update *update,
-                           int64_t now_us);
 
 /* Is it known, and not for more than 3 s, that the autopilot has a GNSS fix? */
 bool aircraft_fix_known(const struct aircraft *aircraft, int64_t now_us);
@@ -153,6 +178,20 @@ double aircraft_geodetic_m(const struct aircraft *aircraft, const struct aircraf
 /* Positions a second: NAN before there were two, 0 when none came for 3 s. */
 double aircraft_rate_hz(const struct aircraft_rate *rate, int64_t now_us);
 
+/* ---- aircraft_receivers.c ---- */
+
+void aircraft_take_gps_raw(struct aircraft *aircraft, const struct telemetry_update *update,
+                           int64_t now_us);
+void aircraft_forget_receivers(struct aircraft *aircraft);
+
+/* The one that has a fix, the first of two that are as good; NULL: none has. */
+const struct aircraft_receiver *aircraft_receiver(const struct aircraft *aircraft, int64_t now_us);
+/* Does any of them say anything, if only that it has none? */
+bool aircraft_receivers_heard(const struct aircraft *aircraft, int64_t now_us);
+/* A receiver flies on, and this position has stayed somewhere else for 3 s. */
+bool aircraft_is_apart(const struct aircraft *aircraft, const struct aircraft_fix *fix,
+                       int64_t now_us);
+
 /* ---- aircraft_takeoff.c ---- */
 
 /* HEARTBEATs begin to say armed; arming_seen: and said disarmed until now. */
@@ -165,6 +204,33 @@ void aircraft_take_home(struct aircraft *aircraft, const struct telemetry_update
 
 /* Plain telemetry's, above the take-off point; NAN when that isn't known. */
 double aircraft_height_m(const struct aircraft *aircraft);
+
+/* ---- aircraft_operator.c ---- */
+
+void aircraft_take_self_id(struct aircraft *aircraft, const struct telemetry_update *update,
+                           int64_t now_us);
+void aircraft_take_operator_id(struct aircraft *aircraft, const struct telemetry_update *update);
+void aircraft_take_system(struct aircraft *aircraft, const struct telemetry_update *update,
+                          int64_t now_us);
+/* Nothing of what it said counts any more. */
+void aircraft_forget_speaker(struct aircraft *aircraft, enum aircraft_speaker speaker);
+
+/* Somebody declares an emergency now: until it takes that back, or is silent for 10 s. NULL:
+ * nobody. */
+const struct aircraft_description *aircraft_emergency_said(const struct aircraft *aircraft,
+                                                           int64_t now_us);
+/* An emergency first; NULL: nobody has said anything. */
+const struct aircraft_description *aircraft_description_said(const struct aircraft *aircraft,
+                                                             int64_t now_us);
+/* number empty: nobody has said it. */
+const struct aircraft_operator_number *aircraft_operator_said(const struct aircraft *aircraft);
+/* Of the one that counts. */
+const struct aircraft_native_system *aircraft_system_said(const struct aircraft *aircraft,
+                                                          int64_t now_us);
+/* Does it say an operator's place? */
+bool aircraft_operator_told(const struct aircraft *aircraft, int64_t now_us);
+/* Do both say one, and not the same? */
+bool aircraft_operators_differ(const struct aircraft *aircraft, int64_t now_us);
 
 /* ---- aircraft_status.c ---- */
 

@@ -88,11 +88,15 @@ bool aircraft_is_flying(const struct aircraft *aircraft, int64_t now_us)
  */
 bool aircraft_is_emergency(const struct aircraft *aircraft, int64_t now_us)
 {
+    if (aircraft_emergency_said(aircraft, now_us) != NULL) {
+        return true;
+    }
     if (!aircraft_fresh(aircraft->heartbeat_us, now_us)) {
         return false;
     }
     return aircraft->system_status == MAV_STATE_EMERGENCY ||
            aircraft->system_status == MAV_STATE_FLIGHT_TERMINATION ||
+           aircraft->crashed_us != INT64_MIN ||
            (aircraft->says_disarmed && is_high(aircraft, now_us));
 }
 
@@ -125,6 +129,18 @@ static bool native_is_contradicted(const struct aircraft *aircraft, uint8_t nati
     return native == AIRCRAFT_GROUND && aircraft->armed && aircraft_is_flying(aircraft, now_us);
 }
 
+/* Said again and again, as a position is: a single LOCATION beside telemetry changes nothing, and
+ * while two sources speak only that of the position that counts. */
+static bool native_status_counts(const struct aircraft *aircraft, int64_t now_us)
+{
+    if (aircraft->doubtful && aircraft_best_fix(aircraft, now_us) != &aircraft->native) {
+        return false;
+    }
+    return aircraft_native_fresh(aircraft, now_us) &&
+           (aircraft->native_location.statuses >= 2 ||
+            !aircraft_fresh(aircraft->heartbeat_us, now_us));
+}
+
 void aircraft_view_status(const struct aircraft *aircraft, int64_t now_us,
                           struct aircraft_location *out)
 {
@@ -137,7 +153,7 @@ void aircraft_view_status(const struct aircraft *aircraft, int64_t now_us,
     /* An emergency counts from whichever source says so. */
     if (aircraft_is_emergency(aircraft, now_us)) {
         out->status = AIRCRAFT_EMERGENCY;
-    } else if (aircraft_native_fresh(aircraft, now_us) && native != AIRCRAFT_UNDECLARED &&
+    } else if (native_status_counts(aircraft, now_us) && native != AIRCRAFT_UNDECLARED &&
                native <= AIRCRAFT_REMOTE_ID_FAILURE &&
                !native_is_contradicted(aircraft, native, now_us)) {
         out->status = native;

@@ -73,21 +73,32 @@ static void view_basic_ids(const struct aircraft *aircraft, struct aircraft_view
     }
 }
 
-static void view_texts(const struct aircraft *aircraft, struct aircraft_view *view)
+/* What is configured speaks, but of an emergency, which only the moment knows. */
+static void view_description(const struct aircraft *aircraft, int64_t now_us,
+                             struct aircraft_view *view)
 {
+    const struct aircraft_description *said = aircraft_description_said(aircraft, now_us);
     const struct config *config = aircraft->config;
-    bool own_operator = config->operator_id[0] != '\0';
-    bool own_description = config->description[0] != '\0';
+    bool own = config->description[0] != '\0' && aircraft_emergency_said(aircraft, now_us) == NULL;
 
-    memcpy(view->operator_id, own_operator ? config->operator_id : aircraft->native_operator_id,
-           sizeof(view->operator_id));
-    view->operator_id_type =
-        own_operator ? config->operator_id_type : aircraft->native_operator_id_type;
-    memcpy(view->description, own_description ? config->description : aircraft->native_description,
-           sizeof(view->description));
-    view->description_type =
-        own_description ? config->description_type : aircraft->native_description_type;
+    if (own) {
+        memcpy(view->description, config->description, sizeof(view->description));
+        view->description_type = config->description_type;
+    } else if (said != NULL) {
+        memcpy(view->description, said->text, sizeof(view->description));
+        view->description_type = said->type;
+    }
     view->self_id_set = view->description[0] != '\0';
+}
+
+static void view_operator_id(const struct aircraft *aircraft, struct aircraft_view *view)
+{
+    const struct aircraft_operator_number *said = aircraft_operator_said(aircraft);
+    const struct config *config = aircraft->config;
+    bool own = config->operator_id[0] != '\0';
+
+    memcpy(view->operator_id, own ? config->operator_id : said->number, sizeof(view->operator_id));
+    view->operator_id_type = own ? config->operator_id_type : said->type;
 }
 
 static void view_authentication(const struct aircraft *aircraft, struct aircraft_view *view)
@@ -115,32 +126,23 @@ static uint32_t utc_2019_s(const struct aircraft *aircraft, int64_t now_us)
     return since_s > 0 && since_s <= UINT32_MAX ? (uint32_t)since_s : 0;
 }
 
-static bool operator_told(const struct aircraft *aircraft, int64_t now_us)
-{
-    return aircraft->operator_us != INT64_MIN &&
-           now_us - aircraft->operator_us < AIRCRAFT_OPERATOR_KEPT_US;
-}
-
 static void view_operator(const struct aircraft *aircraft, int64_t now_us,
                           struct aircraft_system *out)
 {
-    const struct aircraft_native_system *native = &aircraft->native_system;
+    const struct aircraft_native_system *native = aircraft_system_said(aircraft, now_us);
     const struct config *config = aircraft->config;
 
-    /* A ground station's clock counts only where the autopilot's isn't known. */
+    /* Never a ground station's clock. */
     out->timestamp_2019_s = utc_2019_s(aircraft, now_us);
     out->operator_location_type = config->operator_location_type;
     out->operator_latitude_deg = out->operator_longitude_deg = NAN;
     out->operator_altitude_m = NAN;
-    if (operator_told(aircraft, now_us) && !isnan(native->latitude_deg)) {
+    if (aircraft_operator_told(aircraft, now_us)) {
         out->operator_source = SOURCE_NATIVE;
         out->operator_location_type = native->operator_location_type;
         out->operator_latitude_deg = native->latitude_deg;
         out->operator_longitude_deg = native->longitude_deg;
         out->operator_altitude_m = native->altitude_m;
-        if (out->timestamp_2019_s == 0) {
-            out->timestamp_2019_s = native->timestamp_2019_s;
-        }
     } else if (aircraft->takeoff.known) {
         out->operator_source = SOURCE_TELEMETRY;
         out->operator_location_type = ODID_OPERATOR_LOCATION_TYPE_TAKEOFF;
@@ -162,7 +164,7 @@ static void view_operator(const struct aircraft *aircraft, int64_t now_us,
 static void view_system(const struct aircraft *aircraft, int64_t now_us,
                         struct aircraft_system *out)
 {
-    const struct aircraft_native_system *native = &aircraft->native_system;
+    const struct aircraft_native_system *native = aircraft_system_said(aircraft, now_us);
     const struct config *config = aircraft->config;
     bool own = config->classification_set || !native->known;
 
@@ -182,7 +184,8 @@ void aircraft_view(const struct aircraft *aircraft, int64_t now_us, struct aircr
     view_basic_ids(aircraft, view);
     aircraft_view_location(aircraft, now_us, &view->location);
     view_authentication(aircraft, view);
-    view_texts(aircraft, view);
+    view_description(aircraft, now_us, view);
+    view_operator_id(aircraft, view);
     view_system(aircraft, now_us, &view->system);
 }
 
@@ -208,12 +211,14 @@ static bool basic_id_conflict(const struct aircraft *aircraft)
 void aircraft_condition(const struct aircraft *aircraft, int64_t now_us,
                         struct aircraft_condition *condition)
 {
+    const struct aircraft_operator_number *said = aircraft_operator_said(aircraft);
     const struct config *config = aircraft->config;
 
     memset(condition, 0, sizeof(*condition));
     condition->armed = aircraft->armed;
     condition->heartbeat_fresh = aircraft_fresh(aircraft->heartbeat_us, now_us);
     condition->emergency = aircraft_is_emergency(aircraft, now_us);
+    condition->emergency_declared = aircraft_emergency_said(aircraft, now_us) != NULL;
     condition->time_known = aircraft->clock.utc_known;
     condition->unix_us =
         condition->time_known ? autopilot_clock_unix_us(&aircraft->clock, now_us) : 0;
@@ -229,10 +234,14 @@ void aircraft_condition(const struct aircraft *aircraft, int64_t now_us,
         now_us);
     condition->vertical_inverted = aircraft->vertical.inverted;
     condition->fix_known = aircraft_fix_known(aircraft, now_us);
-    condition->operator_ahead_s =
-        operator_told(aircraft, now_us) ? aircraft->native_system.ahead_s : 0;
+    condition->apart = aircraft_is_apart(aircraft, &aircraft->telemetry, now_us) ||
+                       aircraft_is_apart(aircraft, &aircraft->native, now_us);
+    condition->simulated = aircraft->simulated;
+    condition->operator_ahead_s = aircraft_operator_told(aircraft, now_us)
+                                      ? aircraft_system_said(aircraft, now_us)->ahead_s
+                                      : 0;
+    condition->operators_differ = aircraft_operators_differ(aircraft, now_us);
     condition->basic_id_conflict = basic_id_conflict(aircraft);
-    condition->operator_id_conflict =
-        config->operator_id[0] != '\0' && aircraft->native_operator_id[0] != '\0' &&
-        strcmp(config->operator_id, aircraft->native_operator_id) != 0;
+    condition->operator_id_conflict = config->operator_id[0] != '\0' && said->number[0] != '\0' &&
+                                      strcmp(config->operator_id, said->number) != 0;
 }

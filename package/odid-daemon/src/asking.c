@@ -15,6 +15,8 @@
 #define MISSED 3
 #define VITAL 2 /* the first ones of those that are needed */
 #define REFUSALS 2
+/* So many questions without any answer: nobody hears them. */
+#define UNHEARD 10
 
 static const struct {
     enum telemetry_kind kind;
@@ -81,6 +83,7 @@ static void measure(struct asking_message *message, int64_t now_us)
 void asking_heard(struct asking *asking, const struct telemetry_update *update, int64_t now_us)
 {
     if (update->kind == TELEMETRY_COMMAND_ACK) {
+        asking->heard = true;
         take_answer(asking, update);
         return;
     }
@@ -110,12 +113,15 @@ bool asking_next(struct asking *asking, int64_t now_us, struct asking_request *r
         struct asking_message *message = &asking->message[i];
 
         if (comes(message, &needed[i].request, now_us)) {
+            asking->heard = asking->heard || message->asked_for; /* done is answered */
             message->wait_us = AGAIN_US;
         } else if (!is_given_up(asking, (unsigned)i) && now_us >= message->from_us &&
                    asking->asked < 0) {
             *request = needed[i].request;
             asking->asked = i;
             asking->asked_us = now_us;
+            asking->questions++;
+            message->asked_for = true;
             message->from_us = now_us + message->wait_us;
             message->wait_us *= message->wait_us < longest_wait_us((unsigned)i) ? 2 : 1;
             message->heard_us = INT64_MIN; /* measured anew */
@@ -123,6 +129,11 @@ bool asking_next(struct asking *asking, int64_t now_us, struct asking_request *r
         }
     }
     return asking->asked >= 0;
+}
+
+bool asking_unheard(const struct asking *asking)
+{
+    return !asking->heard && asking->questions >= UNHEARD;
 }
 
 unsigned asking_refused(const struct asking *asking, int64_t now_us,

@@ -25,12 +25,15 @@ struct asking_message {
     int64_t heard_us, mean_us; /* the last one, INT64_MIN: none; the mean interval, 0: not known */
     int64_t from_us, wait_us;  /* not asked for before; and not again for so long */
     unsigned refusals;
+    bool asked_for;
 };
 
 struct asking {
     struct asking_message message[ASKING_MESSAGES];
     int asked; /* whose answer is waited for; -1: nobody's */
     int64_t asked_us;
+    unsigned questions;
+    bool heard; /* it has answered, or done what it was asked for */
 };
 
 struct asking_request {
@@ -46,6 +49,9 @@ void asking_heard(struct asking *asking, const struct telemetry_update *update, 
 
 /* Is there something to ask for now? Called a few times a second. */
 bool asking_next(struct asking *asking, int64_t now_us, struct asking_request *request);
+
+/* Was nothing of it ever answered, or done? Then ARM_STATUS isn't heard either. */
+bool asking_unheard(const struct asking *asking);
 
 /* Fills the MAVLink ids of the messages that were refused, and don't come as often as needed.
  * Returns how many. */

@@ -1,6 +1,7 @@
 #include "belief.h"
 
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #define PATIENCE_MIN_US 1000000
@@ -26,15 +27,22 @@
 #define DELAY_S 0.2
 #define JUMP_FULL_M (JUMP_MAX_M + SPEED_MAX_MPS * DELAY_S)
 #define METRES_PER_DEGREE 111320.0
+#define ALTITUDES_DIFFER_M 150.0
 #define ZERO_M 1000.0 /* so near to 0,0 only an estimator is, that has no fix */
 #define FIX_TYPE_2D 2 /* GPS_FIX_TYPE */
 #define FIX_TYPE_3D 3
-#define SEPARATION_STEP_MAX_M 5.0 /* the geoid changes by metres over tens of kilometres */
+/* The geoid changes by metres over tens of kilometres: so fast under the fastest aircraft. */
+#define SEPARATION_STEP_MAX_M 5.0
+#define SEPARATION_MPS 0.05
 /* Another place is confirmed by one that comes within this time, and was flown to from there. */
 #define CONFIRMED_US 15000000
 
-#define UTC_STEP_MAX_US 1000000
-#define SEQUENCE_FRESH_US 100000
+#define UTC_STEP_MAX_US 100000
+#define NUMBERS_USED 64.0
+#define NUMBERS_MIN_US 100000.0
+#define NUMBERS_MAX_US 5000000.0
+#define NUMBERS_LOST_MAX 8 /* between two frames, or used for others */
+#define PACE_S 10.0
 #define YEAR_2019_US UINT64_C(1546300800000000) /* Remote ID's time begins */
 #define YEAR_2100_US UINT64_C(4102444800000000)
 
@@ -44,7 +52,7 @@ void belief_reset(struct belief *belief)
 
     memset(belief, 0, sizeof(*belief));
     belief->contradictions = contradictions;
-    belief->separation_m = NAN;
+    belief->no_fix_us = INT64_MIN;
     for (unsigned i = 0; i < BELIEF_FAULT_COUNT; i++) {
         belief->contradicted_us[i] = INT64_MIN;
     }
@@ -131,30 +139,67 @@ static bool clock_fits(const struct belief_clock *clock, int64_t step_ms, int32_
     return step_ms >= (wrap_ms == 0 ? BEHIND_MS : NATIVE_BEHIND_MS) && delay_us >= -ahead_us;
 }
 
-static bool hear_clock(struct belief *belief, struct belief_clock *clock, uint32_t at_ms,
-                       int32_t wrap_ms, int64_t now_us)
+struct clock_word {
+    struct belief_clock *clock;
+    uint32_t at_ms;
+    int32_t wrap_ms; /* 0 for 2^32 */
+    int64_t step_ms;
+    bool fits;
+};
+
+static struct clock_word clock_word(struct belief_clock *clock, uint32_t at_ms, int32_t wrap_ms,
+                                    int64_t now_us)
 {
     int64_t step_ms = clock_step_ms(clock, at_ms, wrap_ms);
-    bool fits = clock->track.known && clock_fits(clock, step_ms, wrap_ms, now_us);
-    int64_t before_us = clock->track.heard_us, offset_us;
 
-    switch (hear(belief, &clock->track, fits, now_us)) {
+    return (struct clock_word){clock, at_ms, wrap_ms, step_ms,
+                               clock->track.known && clock_fits(clock, step_ms, wrap_ms, now_us)};
+}
+
+/* The least delayed arrival tells how the clocks lie; but whoever comes a little early each time
+ * would lead it away from the one that is believed, so once it is known it follows as clocks drift.
+ */
+static void follow(struct belief_clock *clock, int64_t before_us, int64_t now_us)
+{
+    int64_t drifted_us = (int64_t)((double)(now_us - before_us) * DRIFT);
+    int64_t offset_us = now_us - clock->last_us;
+
+    if (offset_us >= clock->offset_us + drifted_us) {
+        clock->offset_us += drifted_us;
+    } else if (now_us - clock->since_us < SETTLED_US ||
+               offset_us >= clock->offset_us - drifted_us) {
+        clock->offset_us = offset_us;
+    } else {
+        clock->offset_us -= drifted_us;
+    }
+}
+
+static bool hear_clock(struct belief *belief, const struct clock_word *word, int64_t now_us)
+{
+    struct belief_clock *clock = word->clock;
+    int64_t before_us = clock->track.heard_us;
+
+    switch (hear(belief, &clock->track, word->fits, now_us)) {
     case REFUSED:
         return false;
     case ANOTHER:
-        clock->last_us = (int64_t)at_ms * 1000;
+        clock->last_us = (int64_t)word->at_ms * 1000;
         clock->offset_us = now_us - clock->last_us;
         clock->since_us = now_us;
         break;
     case CONTINUED:
-        clock->last_us += step_ms * 1000;
-        offset_us = now_us - clock->last_us;
-        clock->offset_us += (int64_t)((double)(now_us - before_us) * DRIFT);
-        clock->offset_us = offset_us < clock->offset_us ? offset_us : clock->offset_us;
+        clock->last_us += word->step_ms * 1000;
+        follow(clock, before_us, now_us);
         break;
     }
-    clock->last_ms = at_ms;
+    clock->last_ms = word->at_ms;
     return true;
+}
+
+/* Would it be? Then what else it says must not count either. */
+static bool refuses(const struct belief_track *track, bool fits, int64_t now_us)
+{
+    return track->known && !fits && patient(track, now_us);
 }
 
 /* ---- places ---- */
@@ -167,6 +212,15 @@ static double distance_m(const struct belief_place *a, const struct belief_place
     return hypot(b->latitude_deg - a->latitude_deg, east_deg) * METRES_PER_DEGREE;
 }
 
+/* What climbs faster than it flies: two sources' altitudes are above different things, so a hundred
+ * metres say nothing. */
+static double climb_m(const struct belief_place *a, const struct belief_place *b)
+{
+    double climbed_m = fabs(b->altitude_m - a->altitude_m) - ALTITUDES_DIFFER_M;
+
+    return climbed_m > 0 ? climbed_m : 0; /* not when one is unknown */
+}
+
 /* What is left of jump_m after that way; negative: no aircraft flies so. Of the time in between it
  * earns at most what it flies: a thousand steps in one instant are one. */
 static double jump_left_m(double jump_m, const struct belief_place *from,
@@ -174,7 +228,8 @@ static double jump_left_m(double jump_m, const struct belief_place *from,
 {
     double time_s = (double)(to->at_us - from->at_us) * 1e-6;
 
-    return fmin(jump_m + SPEED_MAX_MPS * time_s - distance_m(from, to), JUMP_FULL_M);
+    return fmin(jump_m + SPEED_MAX_MPS * time_s - distance_m(from, to) - climb_m(from, to),
+                JUMP_FULL_M);
 }
 
 static bool can_fly(const struct belief_place *from, const struct belief_place *to)
@@ -192,37 +247,54 @@ static bool confirmed(struct belief *belief, const struct belief_place *place)
            can_fly(&before, place);
 }
 
-static bool hear_place(struct belief *belief, double latitude_deg, double longitude_deg,
-                       int64_t now_us)
+/* No place begins while anybody says that there is no fix: the real one may be who says so. Nor
+ * while two sources speak: nobody was there first. */
+static bool may_begin(const struct belief *belief, int64_t now_us)
 {
-    struct belief_place place = {latitude_deg, longitude_deg, now_us};
+    if (belief_contradicted(belief, now_us)) {
+        return false;
+    }
+    return belief->no_fix_us == INT64_MIN ||
+           now_us - belief->no_fix_us >= PATIENCE_MIN_US + PATIENCE_MIN_US / 2;
+}
+
+static bool hear_place(struct belief *belief, const struct belief_place *place,
+                       const struct clock_word *clock, int64_t now_us)
+{
     struct belief_track *track = &belief->place;
-    bool nowhere =
-        belief->no_fix || hypot(latitude_deg, longitude_deg) * METRES_PER_DEGREE < ZERO_M;
-    double left_m = track->known ? jump_left_m(belief->jump_m, &belief->at, &place) : -1;
+    bool nowhere = belief->no_fix ||
+                   hypot(place->latitude_deg, place->longitude_deg) * METRES_PER_DEGREE < ZERO_M;
+    double left_m = track->known ? jump_left_m(belief->jump_m, &belief->at, place) : -1;
     bool fits = left_m >= 0;
 
-    /* Once a place is believed, every other one has to be flown to, whatever is said of fixes. */
-    if (isnan(latitude_deg) || (nowhere && !track->known)) {
-        return true; /* it says nothing of where it is */
+    if (clock != NULL && refuses(&clock->clock->track, clock->fits, now_us)) {
+        return hear_clock(belief, clock, now_us);
     }
-    if (track->known && !fits && !confirmed(belief, &place)) {
+    /* Once a place is believed, every other one has to be flown to, whatever is said of fixes. */
+    if (isnan(place->latitude_deg) || (nowhere && !track->known)) {
+        return clock == NULL || hear_clock(belief, clock, now_us); /* it doesn't say where it is */
+    }
+    if (!track->known && !may_begin(belief, now_us)) {
+        return false;
+    }
+    if (track->known && !fits && !confirmed(belief, place)) {
         track->other_seen = true;
         return false;
     }
     if (hear(belief, track, fits, now_us) == REFUSED) {
         return false;
     }
-    belief->at = place;
+    belief->at = *place;
     belief->jump_m = fits ? left_m : JUMP_FULL_M;
-    return true;
+    return clock == NULL || hear_clock(belief, clock, now_us);
 }
 
 /* ---- UTC ---- */
 
 static bool hear_utc(struct belief *belief, uint64_t unix_us, uint32_t boot_ms, int64_t now_us)
 {
-    int64_t offset_us, step_us;
+    int64_t offset_us, step_us, drifted_us = 0;
+    bool fits;
 
     if (unix_us < YEAR_2019_US || unix_us > YEAR_2100_US ||
         (belief->no_fix && !belief->utc.known)) {
@@ -230,16 +302,43 @@ static bool hear_utc(struct belief *belief, uint64_t unix_us, uint32_t boot_ms, 
     }
     offset_us = (int64_t)unix_us - (int64_t)boot_ms * 1000;
     step_us = offset_us - belief->utc_offset_us;
-    if (hear(belief, &belief->utc,
-             belief->utc.known && step_us >= -UTC_STEP_MAX_US && step_us <= UTC_STEP_MAX_US,
-             now_us) == REFUSED) {
+    fits = belief->utc.known && llabs(step_us) <= UTC_STEP_MAX_US;
+    if (fits) { /* it follows as clocks drift, and not whoever is a little ahead each time */
+        drifted_us = (int64_t)((double)(now_us - belief->utc.heard_us) * DRIFT);
+    }
+    if (hear(belief, &belief->utc, fits, now_us) == REFUSED) {
         return false;
     }
-    belief->utc_offset_us = offset_us;
+    if (!fits || llabs(step_us) <= drifted_us) {
+        belief->utc_offset_us = offset_us;
+    } else {
+        belief->utc_offset_us += step_us > 0 ? drifted_us : -drifted_us;
+    }
     return true;
 }
 
 /* ---- fixes ---- */
+
+/* How far the ellipsoid is above the geoid there: another source's word for it is left out. */
+static void hear_geoid(struct belief *belief, double *separation_m, int64_t now_us)
+{
+    double step_m = *separation_m - belief->separation_m, slope_m = 0;
+    bool fits = belief->geoid.known && fabs(step_m) <= SEPARATION_STEP_MAX_M;
+
+    if (isnan(*separation_m)) {
+        return;
+    }
+    if (fits) {
+        slope_m = SEPARATION_MPS * (double)(now_us - belief->geoid.heard_us) * 1e-6;
+    }
+    if (hear(belief, &belief->geoid, fits, now_us) == REFUSED) {
+        *separation_m = NAN;
+    } else if (!fits || fabs(step_m) <= slope_m) {
+        belief->separation_m = *separation_m;
+    } else {
+        belief->separation_m += step_m > 0 ? slope_m : -slope_m;
+    }
+}
 
 /*
  * The track is that of a receiver's words for a fix. A receiver at the edge of
@@ -248,67 +347,137 @@ static bool hear_utc(struct belief *belief, uint64_t unix_us, uint32_t boot_ms, 
  * contradicts, "no fix" counts at once; else when no other word comes any more,
  * for it would take the aircraft's position off the air.
  */
-static bool hear_fix(struct belief *belief, uint8_t fix_type, double separation_m, int64_t now_us)
+static bool hear_fix(struct belief *belief, struct telemetry_update *update, int64_t now_us)
 {
     struct belief_track *track = &belief->fix;
     int64_t since_us = now_us - track->heard_us;
-    bool has_fix = fix_type >= FIX_TYPE_2D, same_geoid;
+    uint8_t fix_type = update->gps_raw.fix_type;
 
-    separation_m = fix_type >= FIX_TYPE_3D ? separation_m : NAN;
-    same_geoid = !(fabs(separation_m - belief->separation_m) > SEPARATION_STEP_MAX_M);
-    if (track->known && !(has_fix && same_geoid)) {
-        track->other_seen = track->other_seen || !same_geoid || since_us < track->interval_us / 4;
-        if (patient(track, now_us) && (!same_geoid || belief_contradicted(belief, now_us))) {
+    if (fix_type < FIX_TYPE_2D) {
+        belief->no_fix_us = now_us;
+        track->other_seen = track->other_seen || since_us < track->interval_us / 4;
+        if (track->known && patient(track, now_us) && belief_contradicted(belief, now_us)) {
             return false;
         }
+        belief->no_fix = true;
+        return true;
     }
-    belief->no_fix = !has_fix;
-    if (has_fix) {
-        hear(belief, track, since_us < PATIENCE_MAX_US, now_us);
-        belief->separation_m = isnan(separation_m) ? belief->separation_m : separation_m;
+    belief->no_fix = false;
+    hear(belief, track, since_us < PATIENCE_MAX_US, now_us);
+    if (fix_type >= FIX_TYPE_3D) {
+        hear_geoid(belief, &update->gps_raw.separation_m, now_us);
     }
     return true;
 }
 
 /* ---- all of it ---- */
 
-bool belief_take(struct belief *belief, const struct telemetry_update *update, int64_t now_us)
+static bool take_position(struct belief *belief, const struct telemetry_update *update,
+                          int64_t now_us)
+{
+    struct clock_word clock = clock_word(&belief->boot, update->global_position.boot_ms, 0, now_us);
+    struct belief_place place = {update->global_position.latitude_deg,
+                                 update->global_position.longitude_deg,
+                                 update->global_position.altitude_msl_m, now_us};
+
+    return hear_place(belief, &place, &clock, now_us);
+}
+
+static bool take_native(struct belief *belief, const struct telemetry_update *update,
+                        int64_t now_us)
+{
+    bool dated = !isnan(update->location.timestamp_s);
+    struct clock_word clock =
+        clock_word(&belief->native, dated ? (uint32_t)(update->location.timestamp_s * 1000) : 0,
+                   HOUR_MS, now_us);
+    struct belief_place place = {update->location.latitude_deg, update->location.longitude_deg,
+                                 update->location.altitude_geodetic_m, now_us};
+
+    return hear_place(belief, &place, dated ? &clock : NULL, now_us);
+}
+
+static bool take_time(struct belief *belief, const struct telemetry_update *update, int64_t now_us)
+{
+    struct clock_word clock = clock_word(&belief->boot, update->system_time.boot_ms, 0, now_us);
+
+    if (refuses(&belief->boot.track, clock.fits, now_us)) {
+        return hear_clock(belief, &clock, now_us);
+    }
+    return hear_utc(belief, update->system_time.unix_us, update->system_time.boot_ms, now_us) &&
+           hear_clock(belief, &clock, now_us);
+}
+
+bool belief_take(struct belief *belief, struct telemetry_update *update, int64_t now_us)
 {
     switch (update->kind) {
     case TELEMETRY_GLOBAL_POSITION:
-        return hear_clock(belief, &belief->boot, update->global_position.boot_ms, 0, now_us) &&
-               hear_place(belief, update->global_position.latitude_deg,
-                          update->global_position.longitude_deg, now_us);
+        return take_position(belief, update, now_us);
     case TELEMETRY_SYSTEM_TIME:
-        return hear_clock(belief, &belief->boot, update->system_time.boot_ms, 0, now_us) &&
-               hear_utc(belief, update->system_time.unix_us, update->system_time.boot_ms, now_us);
+        return take_time(belief, update, now_us);
     case TELEMETRY_GPS_RAW:
-        return hear_fix(belief, update->gps_raw.fix_type, update->gps_raw.separation_m, now_us);
+        return hear_fix(belief, update, now_us);
     case TELEMETRY_LOCATION:
-        return (isnan(update->location.timestamp_s) ||
-                hear_clock(belief, &belief->native, (uint32_t)(update->location.timestamp_s * 1000),
-                           HOUR_MS, now_us)) &&
-               hear_place(belief, update->location.latitude_deg, update->location.longitude_deg,
-                          now_us);
+        return take_native(belief, update, now_us);
     default:
         return true;
     }
 }
 
+/* ---- numbers ---- */
+
+static int64_t window_us(const struct belief_numbers *numbers)
+{
+    double us = numbers->per_s > 0 ? NUMBERS_USED / numbers->per_s * 1e6 : NUMBERS_MIN_US;
+
+    return (int64_t)fmin(fmax(us, NUMBERS_MIN_US), NUMBERS_MAX_US);
+}
+
+static void learn_pace(struct belief_numbers *numbers, uint8_t sequence, int64_t now_us)
+{
+    double step = (uint8_t)(sequence - numbers->last);
+    double seconds = fmax((double)(now_us - numbers->last_us), 1) * 1e-6;
+
+    numbers->per_s += (step / seconds - numbers->per_s) * fmin(seconds / PACE_S, 1);
+}
+
+static void follow_number(struct belief *belief, uint8_t sequence, bool again, int64_t now_us)
+{
+    struct belief_numbers *numbers = &belief->numbers;
+    uint8_t step = (uint8_t)(sequence - numbers->next_to);
+    bool next = step > 0 && step <= NUMBERS_LOST_MAX;
+
+    if (now_us - numbers->next_to_us < window_us(numbers)) {
+        if (step == 0 ? !again : next && numbers->other) {
+            contradict(belief, now_us);
+        }
+        if (!next) {
+            numbers->other = numbers->other || step != 0;
+            return;
+        }
+    }
+    numbers->next_to = sequence;
+    numbers->next_to_us = now_us;
+    numbers->other = false;
+}
+
 void belief_sequence(struct belief *belief, uint8_t sequence, bool again, int64_t now_us)
 {
-    uint8_t step = (uint8_t)(sequence - belief->sequence);
+    struct belief_numbers *numbers = &belief->numbers;
 
-    if (belief->sequence_known && now_us - belief->sequence_us < SEQUENCE_FRESH_US &&
-        (step == 0 ? !again : step > INT8_MAX)) {
-        contradict(belief, now_us);
+    if (!numbers->known) {
+        *numbers = (struct belief_numbers){
+            .known = true, .next_to = sequence, .next_to_us = now_us, .per_s = numbers->per_s};
+    } else {
+        follow_number(belief, sequence, again, now_us);
+        if (!belief_contradicted(belief, now_us)) { /* else the other one's steps count, too */
+            learn_pace(numbers, sequence, now_us);
+        }
     }
-    belief->sequence_known = true;
-    belief->sequence = sequence;
-    belief->sequence_us = now_us;
+    numbers->last = sequence;
+    numbers->last_us = now_us;
 }
 
 void belief_new_link(struct belief *belief)
 {
-    belief->sequence_known = false;
+    belief->numbers.known = false;
 }

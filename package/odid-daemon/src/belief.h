@@ -21,9 +21,10 @@
 
 #include "telemetry.h"
 
-/* So many contradictions within this time are a fault: no restart makes more than one. */
+/* So many contradictions within this time are a fault: no restart makes more than one. One who
+ * forges seldom is seen, too. */
 #define BELIEF_FAULT_COUNT 4
-#define BELIEF_FAULT_US 10000000
+#define BELIEF_FAULT_US 60000000
 
 /* One thing that is said again and again. */
 struct belief_track {
@@ -42,21 +43,32 @@ struct belief_clock {
 
 struct belief_place {
     double latitude_deg, longitude_deg;
+    double altitude_m; /* NAN: not said */
     int64_t at_us;
+};
+
+/* Frames' sequence numbers. */
+struct belief_numbers {
+    bool known;
+    uint8_t next_to; /* the next one of the believed source follows this one ... */
+    int64_t next_to_us;
+    bool other;      /* ... and since then came one that doesn't */
+    uint8_t last;    /* whoever's */
+    int64_t last_us; /* when that came */
+    double per_s;    /* numbers used, by the last ten seconds or so */
 };
 
 struct belief {
     struct belief_clock boot, native; /* time since boot; native messages': since the full hour */
-    struct belief_track place, utc, fix;
+    struct belief_track place, utc, fix, geoid;
     bool no_fix;                 /* the believed GPS_RAW_INT says so */
-    double separation_m;         /* of ellipsoid and geoid there; NAN: not known */
+    int64_t no_fix_us;           /* when somebody said so last; INT64_MIN: never */
+    double separation_m;         /* of ellipsoid and geoid there */
     struct belief_place at;      /* the believed source's last */
     double jump_m;               /* what it may still jump: fills up as fast as an aircraft flies */
     struct belief_place another; /* the last one that it can't have flown to; at_us 0: none */
     int64_t utc_offset_us;       /* UTC minus time since boot */
-    bool sequence_known;
-    uint8_t sequence;
-    int64_t sequence_us;                         /* when that came */
+    struct belief_numbers numbers;
     int64_t contradicted_us[BELIEF_FAULT_COUNT]; /* the latest ones, by turns */
     uint64_t contradictions;
 };
@@ -66,15 +78,19 @@ void belief_reset(struct belief *belief);
 
 /*
  * May this update of the vehicle's autopilot be taken? Asked for each, once, in
- * order; those that have neither time nor place may be always.
+ * order; those that have neither time nor place may be always. One field that
+ * isn't believed, of an update that is, becomes unknown.
  */
-bool belief_take(struct belief *belief, const struct telemetry_update *update, int64_t now_us);
+bool belief_take(struct belief *belief, struct telemetry_update *update, int64_t now_us);
 
 /*
- * The number of a frame of the vehicle's autopilot: one that goes back within
- * 100 ms is a contradiction, and so is the same number on another frame. In more
- * time, more than half of all numbers may have been lost, or have gone to others
- * only (a log that is downloaded).
+ * The number of a frame of the vehicle's autopilot. Frames are numbered one by
+ * one; where two sources take turns, one goes on behind its own last number after
+ * the other's came between, or uses a number that was just used: a contradiction.
+ * So whoever forges has no number left that doesn't show. Numbers come round
+ * after 256: they say so only as long as 64 can have been used, 100 ms to 5 s by
+ * the pace at which they are (a log that is downloaded goes to others, and takes
+ * most of them).
  *
  * again: it is the frame before, octet by octet.
  */

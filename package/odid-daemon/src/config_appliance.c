@@ -80,6 +80,14 @@ const struct config_rule config_rule_autopilot = {
 
 /* ---- [ground_station] address ---- */
 
+/* Not this board, not everybody: 0/8, 127/8, multicast and above. */
+static bool is_another_host(uint32_t address)
+{
+    uint32_t network = address >> 24;
+
+    return network != 0 && network != 127 && network < 224;
+}
+
 static bool is_ground_station(const char *text)
 {
     char host[16];
@@ -98,7 +106,8 @@ static bool is_ground_station(const char *text)
     if (text[length] == ':' && !config_whole_number(text + length + 1, UINT16_MAX, &port)) {
         return false;
     }
-    return port > 0 && inet_pton(AF_INET, host, &address) == 1 && address.s_addr != INADDR_ANY;
+    return port > 0 && inet_pton(AF_INET, host, &address) == 1 &&
+           is_another_host(ntohl(address.s_addr));
 }
 
 /* Numbers only: mavlink-router, which sends there, looks up no names. */

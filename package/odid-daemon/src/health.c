@@ -212,7 +212,7 @@ static void judge_link(struct health *health, const struct health_input *input)
     if (input->link->state == LINK_ABSENT) {
         FAULT(link_advice(input), "no link to the autopilot");
     } else if (input->link->state == LINK_SILENT) {
-        FAULT(link_advice(input), "autopilot is silent: nothing comes");
+        FAULT(link_advice(input), "autopilot is silent");
     } else if (!input->condition->heartbeat_fresh) {
         FAULT("Bytes come, but no autopilot (component 1) speaks: check baud, and that it is set "
               "to MAVLink.",
@@ -220,8 +220,15 @@ static void judge_link(struct health *health, const struct health_input *input)
     }
 }
 
-static void judge_sources(struct health *health, const struct health_input *input)
+static void judge_sources(struct health *health, const struct health_input *input, int64_t now_us)
 {
+    if (input->link->overrun_us != INT64_MIN &&
+        now_us - input->link->overrun_us < AIRCRAFT_FRESH_US) {
+        FAULT("More comes to [mavlink] udp_port than anybody needs, and the autopilot's own frames "
+              "are "
+              "lost in it: find who sends it.",
+              "autopilot's link is flooded");
+    }
     if (input->contradicted) {
         FAULT("Something else speaks with the vehicle's system id: find it, switch it off. The one "
               "that was there first counts.",
@@ -241,7 +248,12 @@ static void judge_position(struct health *health, const struct health_input *inp
     if (bench_position(input) || location->position_fresh) {
         return;
     }
-    if (!input->condition->fix_known && input->condition->heartbeat_fresh) {
+    if (input->condition->apart) {
+        FAULT(
+            "Its estimator stands still, or the receiver is wrong: restart the autopilot, look at "
+            "its messages.",
+            "position differs from GNSS");
+    } else if (!input->condition->fix_known && input->condition->heartbeat_fresh) {
         FAULT("Wait for a GNSS fix. Where there is one: GPS_RAW_INT doesn't come, set this port's "
               "stream rates (docs/autopilots.md).",
               "autopilot has no GNSS fix");
@@ -349,6 +361,14 @@ static void judge_data(struct health *health, const struct health_input *input)
                 "take-off point is the first fix after arming");
     }
     judge_altitudes(health, input);
+    if (input->unheard) {
+        WARNING(input->signs
+                    ? "It signs its frames, and takes no others: switch MAVLink signing off "
+                      "on this port, or ARM_STATUS reaches nobody."
+                    : "Nothing of ours was ever answered: look at the cable's other wire, and "
+                      "for signing. ARM_STATUS reaches nobody.",
+                "autopilot hears nothing of us");
+    }
     if (condition->vertical_inverted) {
         WARNING("ArduPilot before September 2018 sends it so: update its firmware.",
                 "vertical speed comes inverted: set right");
@@ -361,6 +381,17 @@ static void judge_data(struct health *health, const struct health_input *input)
 
 static void judge_conflicts(struct health *health, const struct aircraft_condition *condition)
 {
+    if (condition->emergency_declared) {
+        WARNING(
+            "A ground station, or the autopilot for it, says so by SELF_ID: it goes out as it is "
+            "said.",
+            "an emergency is declared");
+    }
+    if (condition->operators_differ) {
+        WARNING("A live place goes before home, else who spoke first. Let one of autopilot and "
+                "ground station send SYSTEM.",
+                "two tell the operator's place");
+    }
     if (condition->basic_id_conflict) {
         WARNING("The configured one is broadcast. Make the ground station's the same, or leave it "
                 "empty there.",
@@ -405,7 +436,12 @@ void health_judge(struct health *health, const struct health_input *input, int64
         FAULT("An invented place is broadcast. Remove [bench] from odid.conf before flying.",
               "bench position in use");
     }
-    judge_sources(health, input);
+    if (input->condition->simulated) {
+        FAULT("An invented flight is broadcast under the real number. Switch hardware-in-the-loop "
+              "off.",
+              "simulated flight (HIL mode)");
+    }
+    judge_sources(health, input, now_us);
     judge_basic_ids(health, input->view);
     judge_operator_id(health, input->view);
     judge_link(health, input);

@@ -45,7 +45,7 @@ static struct {
     struct sender senders[TELEMETRY_STREAMS];
     uint32_t overrun_seen; /* as the kernel said last of this socket */
     int handed_down;       /* the keeper's UDP socket, ours too; < 0: there is none */
-} self = {.watch.fd = -1, .handed_down = -1};
+} self = {.watch.fd = -1, .handed_down = -1, .status.overrun_us = INT64_MIN};
 
 static void enter(enum link_state state, int64_t now_us)
 {
@@ -191,12 +191,15 @@ static uint32_t dropped_by_kernel(int fd)
                                                                        : self.overrun_seen;
 }
 
-static void note_overrun(void)
+static void note_overrun(int64_t now_us)
 {
     uint32_t dropped = dropped_by_kernel(self.watch.fd);
 
-    self.status.overrun += (uint32_t)(dropped - self.overrun_seen);
-    self.overrun_seen = dropped;
+    if (dropped != self.overrun_seen) {
+        self.status.overrun += (uint32_t)(dropped - self.overrun_seen);
+        self.status.overrun_us = now_us;
+        self.overrun_seen = dropped;
+    }
 }
 
 static void on_udp(void *context, uint32_t events, int64_t now_us)
@@ -229,7 +232,7 @@ static void on_udp(void *context, uint32_t events, int64_t now_us)
         pause_reading(now_us);
     }
     count_senders(now_us);
-    note_overrun();
+    note_overrun(now_us);
 }
 
 /* What came while no daemon ran is old, and says nothing of now. */

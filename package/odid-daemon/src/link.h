@@ -31,6 +31,7 @@ struct link_status {
     char detail[96];                  /* why it is absent, in plain words */
     uint64_t bytes_in, bytes_out, bytes_dropped; /* dropped: not sent because the way was full */
     uint64_t overrun;                            /* UDP: datagrams that came faster than is taken */
+    int64_t overrun_us;                          /* the last time; INT64_MIN: never */
     unsigned opened;                             /* times it was opened */
     unsigned senders;                            /* UDP: different senders at present */
 };

@@ -125,6 +125,8 @@ static void judge(struct health_input *input, struct health *health, struct airc
         .filter_logging = self.options.seccomp_log,
         .realtime = self.realtime,
         .contradicted = telemetry_contradicted(self.telemetry, now_us),
+        .unheard = asking_unheard(&self.asking),
+        .signs = telemetry_vehicle_signs(self.telemetry),
         .updating = updating(),
     };
     health_judge(health, input, now_us);
@@ -212,12 +214,12 @@ static void restore(int64_t now_us)
     }
 }
 
-static void tell(uint8_t vehicle, const char *reason, int64_t now_us)
+static void tell(uint8_t vehicle, const char *reason, bool armed, int64_t now_us)
 {
     bool fault = reason[0] != '\0';
 
     if (now_us >= self.tell_us || fault != self.told_fault) {
-        pilot_tell(&self.pilot, vehicle, reason);
+        pilot_tell(&self.pilot, vehicle, reason, armed);
         self.told_fault = fault;
         self.tell_us = now_us + TELL_US - LOOK_US / 2; /* the look that is nearest to a second */
     }
@@ -236,7 +238,7 @@ static void on_look(void *context, int64_t now_us)
      * whether the kept take-off point counts. */
     if (telemetry_heartbeat_us(self.telemetry) != INT64_MIN) {
         judge(&input, &health, &view, &condition, now_us);
-        tell(vehicle, health_reason(&health), now_us);
+        tell(vehicle, health_reason(&health), condition.armed, now_us);
         for (enum channel channel = 0; channel < CHANNELS; channel++) {
             pilot_channel(&self.pilot, vehicle, channel, &self.radios[channel], now_us);
         }

@@ -49,6 +49,8 @@ static struct {
     bool overwritten; /* a bundle was refused since, and that is the last result */
     struct loop_timer tick, hawkbit_pause;
     int64_t hawkbit_pause_us; /* how long the next one is */
+    struct loop_timer report;
+    int64_t reporting_until_us; /* until then its client says what became of an update */
     struct loop_watch signals;
 } self;
 
@@ -224,6 +226,13 @@ static void pause_hawkbit(int64_t now_us)
     self.hawkbit_pause_us *= self.hawkbit_pause_us < HAWKBIT_PAUSE_MAX_US ? 2 : 1;
 }
 
+static void end_report(void *context, int64_t now_us)
+{
+    (void)context;
+    (void)now_us;
+    end_installer(); /* it starts again without hawkBit */
+}
+
 static void end_hawkbit_pause(void *context, int64_t now_us)
 {
     (void)context;
@@ -301,7 +310,8 @@ static void act(int64_t now_us)
     look(&board, now_us);
     switch (update_tick(&self.update, &board, now_us)) {
     case UPDATE_STOP:
-        if (self.update.slow) {
+        /* Also when it was called off: its server, which doesn't know, would begin again. */
+        if (self.update.slow || (self.passed && !board.armed)) {
             pause_hawkbit(now_us);
         }
         end_installer();
@@ -453,7 +463,8 @@ static void on_ends(const char *why, int64_t now_us)
     } else {
         if (broke_off && asks_hawkbit()) {
             pause_hawkbit(now_us);
-            end_installer();
+            self.reporting_until_us = now_us + HAWKBIT_REPORT_US;
+            loop_arm(&self.report, self.reporting_until_us);
         }
         refuse(why[0] != '\0' ? why : "all went well, but nothing is marked to be started.",
                self.update.version);
@@ -478,7 +489,13 @@ static void judge_offer(bool unattended, char answer[UPDATE_SENTENCE_SIZE])
                                              .beside = self.beside,
                                              .unattended = unattended};
 
-    update_question_answer(&question, answer);
+    if (loop_now_us() < self.reporting_until_us) {
+        snprintf(answer, UPDATE_SENTENCE_SIZE,
+                 "The one before it was broken off, and its server is being told. Try again in a "
+                 "quarter of a minute.");
+    } else {
+        update_question_answer(&question, answer);
+    }
     snprintf(self.refused, sizeof(self.refused), "%s", answer);
     if (answer[0] == '\0' && !self.beside) {
         self.passed = true;
@@ -664,6 +681,7 @@ static int serve(void)
     loop_timer_init(&self.tick, on_tick, NULL);
     loop_arm(&self.tick, loop_now_us());
     loop_timer_init(&self.hawkbit_pause, end_hawkbit_pause, NULL);
+    loop_timer_init(&self.report, end_report, NULL);
     self.hawkbit_pause_us = HAWKBIT_PAUSE_US;
     if (access(HAWKBIT_PAUSE, F_OK) == 0) { /* of an earlier process */
         loop_arm(&self.hawkbit_pause, loop_now_us() + HAWKBIT_PAUSE_US);

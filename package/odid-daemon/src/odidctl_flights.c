@@ -7,6 +7,7 @@
 #include <time.h>
 
 #include "odidctl_flights_judge.h"
+#include "odidctl_json.h"
 #include "odidctl_table.h"
 #include "recorder_json.h"
 #include "recorder_store.h"
@@ -344,6 +345,7 @@ static struct json_object *flight_json(const struct flight *flight)
 
 static void print_json(FILE *out, struct json_object *value)
 {
+    odidctl_json_clean(value);
     fprintf(out, "%s\n",
             json_object_to_json_string_ext(value, JSON_C_TO_STRING_PRETTY |
                                                       JSON_C_TO_STRING_SPACED |

@@ -1,7 +1,6 @@
 /* odidctl status and watch: how the daemon and the appliance are. */
 #include <errno.h>
 #include <json-c/json_tokener.h>
-#include <json-c/linkhash.h>
 #include <stdio.h>
 #include <string.h>
 #include <time.h>
@@ -9,10 +8,10 @@
 
 #include "kept.h"
 #include "odidctl.h"
+#include "odidctl_json.h"
 #include "odidctl_table.h"
 #include "status.h"
 #include "status_ask.h"
-#include "utf8.h"
 
 #define TRIES 20 /* two seconds */
 #define PATIENCE_MS 3000
@@ -50,37 +49,6 @@ static int say_no_answer(const char *run_dir, int error)
     return ODIDCTL_NO_ANSWER;
 }
 
-/* What a terminal would obey becomes '?': the daemon speaks with the network's words, and may have
- * been taken over. Deeper than the tokener goes there is nothing. */
-static void clean(struct json_object *value)
-{
-    char text[1024];
-
-    switch (json_object_get_type(value)) {
-    case json_type_string:
-        if (utf8_clean(text, sizeof(text), json_object_get_string(value)) > 0 ||
-            json_object_get_string_len(value) >= (int)sizeof(text)) {
-            json_object_set_string(value, text);
-        }
-        break;
-    case json_type_array:
-        for (size_t i = 0; i < json_object_array_length(value); i++) {
-            clean(json_object_array_get_idx(value, i));
-        }
-        break;
-    case json_type_object: {
-        json_object_object_foreach(value, name, inner)
-        {
-            (void)name; /* known ones are asked for; none is shown */
-            clean(inner);
-        }
-        break;
-    }
-    default:
-        break;
-    }
-}
-
 struct json_object *odidctl_fetch(const char *run_dir, int *error)
 {
     static char answer[STATUS_ANSWER_MAX];
@@ -102,7 +70,7 @@ struct json_object *odidctl_fetch(const char *run_dir, int *error)
         *error = EBADMSG;
         return NULL;
     }
-    clean(status);
+    odidctl_json_clean(status);
     return status;
 }
 

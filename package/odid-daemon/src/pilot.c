@@ -23,13 +23,20 @@ static void send(struct pilot *pilot, const mavlink_message_t *message)
     pilot->send(pilot->context, frame, mavlink_msg_to_send_buffer(frame, message));
 }
 
-static void send_heartbeat(struct pilot *pilot, uint8_t vehicle)
+/* PX4 reads no ARM_STATUS: it counts STANDBY and ACTIVE as healthy, and arms only then
+ * (COM_ARM_ODID). Once it is armed that has nothing to decide any more. */
+static uint8_t system_status(const char *reason, bool armed)
+{
+    return reason[0] == '\0' || armed ? MAV_STATE_ACTIVE : MAV_STATE_CRITICAL;
+}
+
+static void send_heartbeat(struct pilot *pilot, uint8_t vehicle, uint8_t status)
 {
     mavlink_message_t message;
     mavlink_heartbeat_t heartbeat = {
         .type = MAV_TYPE_ODID,
         .autopilot = MAV_AUTOPILOT_INVALID,
-        .system_status = MAV_STATE_ACTIVE, /* PX4 counts only STANDBY and ACTIVE as healthy */
+        .system_status = status,
         .mavlink_version = 3,
     };
 
@@ -51,9 +58,9 @@ static void send_arm_status(struct pilot *pilot, uint8_t vehicle, const char *re
     send(pilot, &message);
 }
 
-void pilot_tell(struct pilot *pilot, uint8_t vehicle, const char *reason)
+void pilot_tell(struct pilot *pilot, uint8_t vehicle, const char *reason, bool armed)
 {
-    send_heartbeat(pilot, vehicle);
+    send_heartbeat(pilot, vehicle, system_status(reason, armed));
     send_arm_status(pilot, vehicle, reason);
 }
 

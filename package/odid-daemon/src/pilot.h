@@ -32,7 +32,7 @@ void pilot_init(struct pilot *pilot, pilot_send_fn *send, void *context);
  * Once a second while the vehicle's system id is known (1-255). reason: the
  * first thing that keeps the aircraft from being legal to fly, "" when none.
  */
-void pilot_tell(struct pilot *pilot, uint8_t vehicle, const char *reason);
+void pilot_tell(struct pilot *pilot, uint8_t vehicle, const char *reason, bool armed);
 
 /*
  * A channel's state, once a second: a STATUSTEXT (warning) when it was on air

@@ -12,6 +12,10 @@
 /* A vehicle that was silent for this long may be another one: a changed SYSID, another aircraft. */
 #define VEHICLE_FORGOTTEN_US 10000000
 #define VEHICLE_EXPECTED_US 3000000 /* three of its HEARTBEATs */
+/* Who says HEARTBEATs for so long, or anything else, is there to stay; who falls silent before, for
+ * longer than a HEARTBEAT's second, was a stray voice. */
+#define SETTLED_US 3000000
+#define PASSED_BY_US 1500000
 /* An autopilot has started by then; one that is expected still isn't there. */
 #define VEHICLE_STARTED_US 60000000
 
@@ -26,9 +30,13 @@ struct telemetry {
     uint8_t kept;             /* who was there first, or is expected: it may return */
     bool kept_heard;          /* it was the vehicle in our time */
     int64_t kept_until_us;    /* one that wasn't heard is expected until then */
+    int64_t begun_us;         /* the vehicle's first HEARTBEAT */
+    bool spoke;               /* it says more than HEARTBEATs */
     bool armed;               /* the vehicle's last word */
     bool seen_disarmed;       /* it said so before */
     bool identified;          /* its autopilot said who it is */
+    bool authenticated;       /* and proves it */
+    bool signs;               /* its last frame was signed */
     bool by_ground_station;   /* whose native message is being read */
     int vehicle_stream;
     int64_t heartbeat_us;
@@ -80,18 +88,33 @@ static double thousandths_or_nan(uint32_t value)
     return value == 0 || value == UINT32_MAX ? NAN : value / 1000.0;
 }
 
+/* The two messages have these fields, under the same names. */
+#define READ_RECEIVER(raw, update)                                                                 \
+    do {                                                                                           \
+        (update)->gps_raw.fix_type = (raw).fix_type;                                               \
+        place((raw).lat, (raw).lon, &(update)->gps_raw.latitude_deg,                               \
+              &(update)->gps_raw.longitude_deg);                                                   \
+        (update)->gps_raw.separation_m =                                                           \
+            (raw).alt_ellipsoid == 0 ? NAN : ((raw).alt_ellipsoid - (double)(raw).alt) / 1000.0;   \
+        (update)->gps_raw.horizontal_accuracy_m = thousandths_or_nan((raw).h_acc);                 \
+        (update)->gps_raw.vertical_accuracy_m = thousandths_or_nan((raw).v_acc);                   \
+        (update)->gps_raw.speed_accuracy_mps = thousandths_or_nan((raw).vel_acc);                  \
+    } while (0)
+
 static void read_gps_raw(const mavlink_message_t *message, struct telemetry_update *update)
 {
     mavlink_gps_raw_int_t raw;
 
     mavlink_msg_gps_raw_int_decode(message, &raw);
-    update->gps_raw.fix_type = raw.fix_type;
-    place(raw.lat, raw.lon, &update->gps_raw.latitude_deg, &update->gps_raw.longitude_deg);
-    update->gps_raw.separation_m =
-        raw.alt_ellipsoid == 0 ? NAN : (raw.alt_ellipsoid - (double)raw.alt) / 1000.0;
-    update->gps_raw.horizontal_accuracy_m = thousandths_or_nan(raw.h_acc);
-    update->gps_raw.vertical_accuracy_m = thousandths_or_nan(raw.v_acc);
-    update->gps_raw.speed_accuracy_mps = thousandths_or_nan(raw.vel_acc);
+    READ_RECEIVER(raw, update);
+}
+
+static void read_gps2_raw(const mavlink_message_t *message, struct telemetry_update *update)
+{
+    mavlink_gps2_raw_t raw;
+
+    mavlink_msg_gps2_raw_decode(message, &raw);
+    READ_RECEIVER(raw, update);
 }
 
 static void read_global_position(const mavlink_message_t *message, struct telemetry_update *update)
@@ -136,6 +159,17 @@ static bool read_climb(const mavlink_message_t *message, struct telemetry_update
     return isfinite(hud.climb);
 }
 
+/* ArduPilot has no other word for it, in any of its vehicles. */
+static bool says_crashed(const mavlink_message_t *message)
+{
+    static const char crash[] = "Crash";
+    mavlink_statustext_t status;
+
+    mavlink_msg_statustext_decode(message, &status);
+    return status.severity == MAV_SEVERITY_EMERGENCY &&
+           strncmp(status.text, crash, strlen(crash)) == 0;
+}
+
 /* Not another component's: a ground station commands, too. MAVLink 1 doesn't say whose it is. */
 static bool read_command_ack(const mavlink_message_t *message, struct telemetry_update *update)
 {
@@ -161,7 +195,7 @@ static bool read_plain(const mavlink_message_t *message, struct telemetry_update
         return true;
     case MAVLINK_MSG_ID_GPS2_RAW:
         update->kind = TELEMETRY_GPS2_RAW;
-        update->gps_raw.fix_type = mavlink_msg_gps2_raw_get_fix_type(message);
+        read_gps2_raw(message, update);
         return true;
     case MAVLINK_MSG_ID_GLOBAL_POSITION_INT:
         update->kind = TELEMETRY_GLOBAL_POSITION;
@@ -178,6 +212,9 @@ static bool read_plain(const mavlink_message_t *message, struct telemetry_update
     case MAVLINK_MSG_ID_VFR_HUD:
         update->kind = TELEMETRY_CLIMB;
         return read_climb(message, update);
+    case MAVLINK_MSG_ID_STATUSTEXT:
+        update->kind = TELEMETRY_CRASHED;
+        return says_crashed(message);
     case MAVLINK_MSG_ID_COMMAND_ACK:
         update->kind = TELEMETRY_COMMAND_ACK;
         return read_command_ack(message, update);
@@ -228,8 +265,7 @@ static bool odid_concerns_us(const struct telemetry *telemetry, const mavlink_me
         return to->system == 0 ||
                (to_vehicle && (to->component == 0 || to->component == TELEMETRY_COMPONENT_ODID));
     }
-    if (!is_ground_station(telemetry, message->sysid) || says_where(message->msgid) ||
-        (says_who(message->msgid) && telemetry->identified)) {
+    if (!is_ground_station(telemetry, message->sysid) || says_where(message->msgid)) {
         return false;
     }
     return to->system == 0 ||
@@ -238,7 +274,7 @@ static bool odid_concerns_us(const struct telemetry *telemetry, const mavlink_me
 }
 
 /* What one source says is delivered; what contradicts it is another one's. */
-static bool deliver_believed(struct telemetry *telemetry, const struct telemetry_update *update,
+static bool deliver_believed(struct telemetry *telemetry, struct telemetry_update *update,
                              int64_t now_us)
 {
     if (!belief_take(&telemetry->belief, update, now_us)) {
@@ -255,6 +291,18 @@ static void on_native(void *context, const struct telemetry_update *update, int6
     struct telemetry_update told = *update;
 
     told.by_ground_station = telemetry->by_ground_station;
+    if (told.by_ground_station) {
+        /* Once the vehicle says who it is, and proves it, nobody else does. */
+        if ((told.kind == TELEMETRY_BASIC_ID && telemetry->identified) ||
+            (told.kind == TELEMETRY_AUTHENTICATION && telemetry->authenticated)) {
+            telemetry->counters.other_system++;
+            return;
+        }
+    } else {
+        telemetry->identified = telemetry->identified || told.kind == TELEMETRY_BASIC_ID;
+        telemetry->authenticated =
+            telemetry->authenticated || told.kind == TELEMETRY_AUTHENTICATION;
+    }
     deliver_believed(telemetry, &told, now_us);
 }
 
@@ -270,9 +318,6 @@ static void take_odid(struct telemetry *telemetry, const mavlink_message_t *mess
     } else {
         telemetry->counters.frames++;
         telemetry->by_ground_station = message->sysid != telemetry->vehicle;
-        if (message->sysid == telemetry->vehicle && says_who(message->msgid)) {
-            telemetry->identified = true;
-        }
         telemetry_odid_read(message, on_native, telemetry, now_us);
     }
 }
@@ -283,10 +328,21 @@ static bool took_off_here(const struct telemetry *telemetry, int64_t now_us)
     return telemetry->seen_disarmed && telemetry->armed && now_us >= telemetry->kept_until_us;
 }
 
+static bool is_settled(const struct telemetry *telemetry)
+{
+    return telemetry->spoke || telemetry->heartbeat_us - telemetry->begun_us >= SETTLED_US;
+}
+
+static bool passed_by(const struct telemetry *telemetry, int64_t now_us)
+{
+    return telemetry->heartbeat_us != INT64_MIN && !is_settled(telemetry) &&
+           now_us - telemetry->heartbeat_us > PASSED_BY_US;
+}
+
 /*
  * Is this heartbeat, of another system than the vehicle, the vehicle's from now
- * on? The kept one returns at any time; one that is only expected, of the last
- * power-on, not once another one has taken off here. Another one is a changed
+ * on? Where that one has only passed by: yes. The kept one returns at any time; one that is only
+ * expected, of the last power-on, not once another one has taken off here. Another one is a changed
  * system id, after a long silence and on the ground, or where the kept one was
  * only expected; not a ground station's, once there was a vehicle.
  */
@@ -295,7 +351,8 @@ static bool takes_over(const struct telemetry *telemetry, uint8_t system_id, boo
 {
     bool none_yet = telemetry->heartbeat_us == INT64_MIN;
 
-    if (telemetry->vehicle == 0) {
+    if (telemetry->vehicle == 0 || (telemetry->kept == 0 && passed_by(telemetry, now_us) &&
+                                    !is_ground_station(telemetry, system_id))) {
         return true;
     }
     if (system_id == telemetry->kept) {
@@ -334,19 +391,21 @@ static void take_heartbeat(struct telemetry *telemetry, const mavlink_message_t 
         update.heartbeat.new_vehicle = telemetry->vehicle != 0;
         telemetry->vehicle = message->sysid;
         belief_reset(&telemetry->belief);
-        telemetry->identified = telemetry->seen_disarmed = false;
+        telemetry->identified = telemetry->authenticated = false;
+        telemetry->seen_disarmed = telemetry->spoke = false;
+        telemetry->begun_us = now_us;
     }
+    telemetry->heartbeat_us = now_us;
     telemetry->seen_disarmed = telemetry->seen_disarmed || !armed;
     telemetry->armed = armed;
     /* Nobody's any more who was expected, and isn't the one that flies. */
-    if (telemetry->kept == message->sysid || telemetry->kept == 0 ||
+    if (telemetry->kept == message->sysid || (telemetry->kept == 0 && is_settled(telemetry)) ||
         (!telemetry->kept_heard && took_off_here(telemetry, now_us))) {
         telemetry->kept = message->sysid;
         telemetry->kept_heard = true;
     }
     /* A system with an autopilot is no ground station, whatever else of it said so. */
     telemetry->ground_stations[message->sysid / 8] &= (uint8_t) ~(1 << (message->sysid % 8));
-    telemetry->heartbeat_us = now_us;
     telemetry->vehicle_until_us = now_us + VEHICLE_FORGOTTEN_US;
     telemetry->counters.frames++;
     update.heartbeat.doubtful = belief_contradicted(&telemetry->belief, now_us);
@@ -396,6 +455,8 @@ static void take_frame(struct telemetry *telemetry, unsigned stream,
         if (telemetry->vehicle_stream != (int)stream) {
             belief_new_link(&telemetry->belief);
         }
+        telemetry->signs = message->incompat_flags & MAVLINK_IFLAG_SIGNED;
+        telemetry->spoke = telemetry->spoke || message->msgid != MAVLINK_MSG_ID_HEARTBEAT;
         belief_sequence(&telemetry->belief, message->seq, same_frame(message, &telemetry->latest),
                         now_us);
         telemetry->latest = *message;
@@ -445,6 +506,11 @@ void telemetry_reset_stream(struct telemetry *telemetry, unsigned stream)
 uint8_t telemetry_vehicle(const struct telemetry *telemetry)
 {
     return telemetry->vehicle;
+}
+
+bool telemetry_vehicle_signs(const struct telemetry *telemetry)
+{
+    return telemetry->signs;
 }
 
 int telemetry_vehicle_stream(const struct telemetry *telemetry)

@@ -25,11 +25,12 @@ enum telemetry_kind {
     TELEMETRY_HEARTBEAT,
     TELEMETRY_SYSTEM_TIME,
     TELEMETRY_GPS_RAW,
-    TELEMETRY_GPS2_RAW, /* a second receiver's: of gps_raw its fix_type only */
+    TELEMETRY_GPS2_RAW, /* a second receiver's gps_raw */
     TELEMETRY_GLOBAL_POSITION,
     TELEMETRY_HOME,
     TELEMETRY_LANDED_STATE,
     TELEMETRY_CLIMB,
+    TELEMETRY_CRASHED,
     TELEMETRY_COMMAND_ACK,
     TELEMETRY_BASIC_ID,
     TELEMETRY_LOCATION,
@@ -156,6 +157,8 @@ void telemetry_reset_stream(struct telemetry *telemetry, unsigned stream);
  * Returns its system id, 0 while none is known.
  */
 uint8_t telemetry_vehicle(const struct telemetry *telemetry);
+/* Was its autopilot's last frame signed (MAVLink 2)? */
+bool telemetry_vehicle_signs(const struct telemetry *telemetry);
 /* The stream on which the vehicle was heard last; -1 while none is known. */
 int telemetry_vehicle_stream(const struct telemetry *telemetry);
 /* When the vehicle's last HEARTBEAT came, INT64_MIN before the first. */

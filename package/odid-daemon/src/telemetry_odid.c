@@ -152,7 +152,8 @@ static bool read_authentication(const mavlink_message_t *message, struct telemet
            page.data_page < TELEMETRY_AUTH_PAGES && page.last_page_index < TELEMETRY_AUTH_PAGES;
 }
 
-static bool read_self_id(const mavlink_message_t *message, struct telemetry_update *update)
+/* Also an empty one: by that what was said before is taken back. */
+static void read_self_id(const mavlink_message_t *message, struct telemetry_update *update)
 {
     mavlink_open_drone_id_self_id_t self;
 
@@ -160,7 +161,6 @@ static bool read_self_id(const mavlink_message_t *message, struct telemetry_upda
     update->kind = TELEMETRY_SELF_ID;
     update->self_id.type = self.description_type;
     copy_text(update->self_id.text, self.description, sizeof(self.description));
-    return self.description[0] != '\0';
 }
 
 static bool read_system(const mavlink_message_t *message, struct telemetry_update *update)
@@ -323,7 +323,7 @@ static void read_pack(const mavlink_message_t *message, telemetry_fn *deliver, v
             deliver(context, &update, now_us);
         }
     }
-    if (uas.SelfIDValid && uas.SelfID.Desc[0] != '\0') {
+    if (uas.SelfIDValid) {
         update.kind = TELEMETRY_SELF_ID;
         update.self_id.type = (uint8_t)uas.SelfID.DescType;
         copy_text(update.self_id.text, uas.SelfID.Desc, ODID_STR_SIZE);
@@ -358,7 +358,8 @@ void telemetry_odid_read(const mavlink_message_t *message, telemetry_fn *deliver
         filled = read_authentication(message, &update);
         break;
     case MAVLINK_MSG_ID_OPEN_DRONE_ID_SELF_ID:
-        filled = read_self_id(message, &update);
+        read_self_id(message, &update);
+        filled = true;
         break;
     case MAVLINK_MSG_ID_OPEN_DRONE_ID_SYSTEM:
         filled = read_system(message, &update);

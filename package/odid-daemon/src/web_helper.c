@@ -8,6 +8,7 @@
 #include <string.h>
 #include <sys/random.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -30,6 +31,7 @@ enum order_kind {
 struct order {
     enum order_kind what;
     enum web_setting setting;
+    enum web_network network;
     char token[WEB_TOKEN_SIZE]; /* ended by a zero */
     char text[WEB_VALUE_SIZE];  /* ended by a zero */
 };
@@ -100,11 +102,13 @@ static struct order order_of(enum order_kind what, const char *token)
     return order;
 }
 
-void web_helper_login(int helper, const char *password, struct web_login *login)
+void web_helper_login(int helper, enum web_network network, const char *password,
+                      struct web_login *login)
 {
     struct order order = order_of(ORDER_LOGIN, "");
     const struct answer *answer;
 
+    order.network = network;
     snprintf(order.text, sizeof(order.text), "%s", password);
     answer = ask(helper, &order, NULL);
     *login = answer != NULL ? answer->login : (struct web_login){.verdict = WEB_NO_HELPER};
@@ -166,6 +170,7 @@ static struct {
     const struct odidctl_places *places;
     const char *updater;
     struct web_sessions sessions;
+    struct stat password; /* the file with its key, when it was looked at last */
 } self;
 
 static enum web_password check(const char *password)
@@ -175,12 +180,31 @@ static enum web_password check(const char *password)
     return result > 0 ? WEB_PASSWORD_RIGHT : result == 0 ? WEB_PASSWORD_WRONG : WEB_PASSWORD_NONE;
 }
 
+/* Who gave the password before is whoever knew that one. */
+static void end_sessions_of_another_password(void)
+{
+    char path[ODIDCTL_PATH_SIZE];
+    struct stat file = {0};
+
+    snprintf(path, sizeof(path), "%s/secrets/maintenance.psk", self.places->data);
+    if (stat(path, &file) < 0) {
+        memset(&file, 0, sizeof(file));
+    }
+    if (file.st_ino != self.password.st_ino ||
+        file.st_mtim.tv_sec != self.password.st_mtim.tv_sec ||
+        file.st_mtim.tv_nsec != self.password.st_mtim.tv_nsec) {
+        web_sessions_end_all(&self.sessions);
+    }
+    self.password = file;
+}
+
 /* Each try counts, whoever it comes from; a right one is given back. */
-static void login(const char *password, struct web_login *login)
+static void login(enum web_network network, const char *password, struct web_login *login)
 {
     uint8_t random[WEB_TOKEN_BYTES];
 
-    if (!web_sessions_try(&self.sessions, loop_now_us(), &login->wait_s)) {
+    network = network == WEB_BY_ACCESS_POINT ? network : WEB_BY_CABLE;
+    if (!web_sessions_try(&self.sessions, network, loop_now_us(), &login->wait_s)) {
         login->verdict = WEB_PASSWORD_WAIT;
         return;
     }
@@ -192,7 +216,7 @@ static void login(const char *password, struct web_login *login)
             login->verdict = WEB_NO_HELPER;
             return;
         }
-        web_sessions_begin(&self.sessions, random, loop_now_us(), login->token);
+        web_sessions_begin(&self.sessions, network, random, loop_now_us(), login->token);
         log_info("somebody has given the maintenance password");
     }
 }
@@ -291,11 +315,13 @@ static void cancel(struct answer *answer)
 /* Returns the descriptor that goes with the answer, or -1. */
 static int obey(struct order *order, struct answer *answer)
 {
-    bool known = order->what != ORDER_LOGIN &&
-                 web_sessions_known(&self.sessions, order->token, loop_now_us());
+    bool known;
 
+    end_sessions_of_another_password();
+    known = order->what != ORDER_LOGIN &&
+            web_sessions_known(&self.sessions, order->token, loop_now_us());
     if (order->what == ORDER_LOGIN) {
-        login(order->text, &answer->login);
+        login(order->network, order->text, &answer->login);
     } else if (!known) {
         snprintf(answer->said, sizeof(answer->said), "Give the maintenance password first.");
     } else if (order->what == ORDER_KNOWN) {

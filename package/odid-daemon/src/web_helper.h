@@ -51,7 +51,8 @@ struct web_login {
 
 /* A password is one that is right or not; what is no password is a wrong one, and counts as
  * tried. Takes some milliseconds. */
-void web_helper_login(int helper, const char *password, struct web_login *login);
+void web_helper_login(int helper, enum web_network network, const char *password,
+                      struct web_login *login);
 
 /* Is it a session? It is used now, if so. */
 bool web_helper_known(int helper, const char token[WEB_TOKEN_SIZE]);

@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <microhttpd.h>
+#include <netinet/in.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -16,6 +17,8 @@
 #include "web_request.h"
 #include "web_upload.h"
 
+/* 192.168.41.0/24 (lib/odid/maintenance). */
+#define ACCESS_POINT_NETWORK UINT32_C(0xC0A82900)
 #define SENTENCE_SIZE 512
 #define CONNECTIONS_MAX (WEB_PLACES_MAX - 8)
 #define CONNECTIONS_FROM_ONE_MAX 12
@@ -52,6 +55,24 @@ static enum MHD_Result give_patience(struct request *request, unsigned wait_s)
     return web_give_sentence(request->connection, MHD_HTTP_TOO_MANY_REQUESTS, sentence);
 }
 
+static int fd_of(struct MHD_Connection *connection)
+{
+    return MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd;
+}
+
+/* By the address at which the page was found. */
+static enum web_network network_of(struct MHD_Connection *connection)
+{
+    struct sockaddr_in here = {0};
+    socklen_t size = sizeof(here);
+
+    return getsockname(fd_of(connection), (struct sockaddr *)&here, &size) == 0 &&
+                   here.sin_family == AF_INET &&
+                   (ntohl(here.sin_addr.s_addr) & 0xFFFFFF00) == ACCESS_POINT_NETWORK
+               ? WEB_BY_ACCESS_POINT
+               : WEB_BY_CABLE;
+}
+
 static enum MHD_Result login(struct request *request)
 {
     char password[CONFIG_PASSWORD_MAX + 1];
@@ -61,7 +82,7 @@ static enum MHD_Result login(struct request *request)
     if (!web_read_password(request->body, request->length, password)) {
         password[0] = '\0';
     }
-    web_helper_login(self.server->helper, password, &login);
+    web_helper_login(self.server->helper, network_of(request->connection), password, &login);
     explicit_bzero(password, sizeof(password));
     switch (login.verdict) {
     case WEB_PASSWORD_RIGHT:
@@ -273,11 +294,6 @@ static enum MHD_Result end_upload(struct request *request)
 }
 
 /* ---- requests ---- */
-
-static int fd_of(struct MHD_Connection *connection)
-{
-    return MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd;
-}
 
 /* Keeps its token for what root's half is asked. */
 static bool is_known(struct request *request)

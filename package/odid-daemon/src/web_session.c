@@ -3,16 +3,17 @@
 #include <stdio.h>
 #include <string.h>
 
-bool web_sessions_try(struct web_sessions *sessions, int64_t now_us, unsigned *wait_s)
+bool web_sessions_try(struct web_sessions *sessions, enum web_network network, int64_t now_us,
+                      unsigned *wait_s)
 {
     const int64_t most_us = (WEB_TRIES - 1) * WEB_TRY_EVERY_US;
-    int64_t left_us = sessions->full_us - now_us;
+    int64_t *full_us = &sessions->full_us[network], left_us = *full_us - now_us;
 
     if (left_us > most_us) {
         *wait_s = (unsigned)((left_us - most_us) / 1000000) + 1;
         return false;
     }
-    sessions->full_us = (left_us > 0 ? sessions->full_us : now_us) + WEB_TRY_EVERY_US;
+    *full_us = (left_us > 0 ? *full_us : now_us) + WEB_TRY_EVERY_US;
     *wait_s = 0;
     return true;
 }
@@ -41,8 +42,9 @@ static size_t find(const struct web_sessions *sessions, const char token[WEB_TOK
     return found;
 }
 
-void web_sessions_begin(struct web_sessions *sessions, const uint8_t random[WEB_TOKEN_BYTES],
-                        int64_t now_us, char token[WEB_TOKEN_SIZE])
+void web_sessions_begin(struct web_sessions *sessions, enum web_network network,
+                        const uint8_t random[WEB_TOKEN_BYTES], int64_t now_us,
+                        char token[WEB_TOKEN_SIZE])
 {
     size_t place = 0;
 
@@ -60,7 +62,7 @@ void web_sessions_begin(struct web_sessions *sessions, const uint8_t random[WEB_
     }
     memcpy(sessions->one[place].token, token, WEB_TOKEN_SIZE);
     sessions->one[place].used_us = now_us;
-    sessions->full_us -= WEB_TRY_EVERY_US;
+    sessions->full_us[network] -= WEB_TRY_EVERY_US;
 }
 
 bool web_sessions_known(struct web_sessions *sessions, const char token[WEB_TOKEN_SIZE],
@@ -77,6 +79,11 @@ bool web_sessions_known(struct web_sessions *sessions, const char token[WEB_TOKE
     }
     sessions->one[i].used_us = now_us;
     return true;
+}
+
+void web_sessions_end_all(struct web_sessions *sessions)
+{
+    memset(sessions->one, 0, sizeof(sessions->one));
 }
 
 void web_sessions_end(struct web_sessions *sessions, const char token[WEB_TOKEN_SIZE])

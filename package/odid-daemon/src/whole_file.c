@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <limits.h>
 #include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -161,10 +162,16 @@ int whole_file_replace(const char *path, const char *text, size_t length, mode_t
     return sync_directory(directory);
 }
 
+/* A file that only its owner may open: who can open one, if only to read it, can hold its lock. */
 int whole_file_lock(const char *directory)
 {
-    int fd = open(directory, O_RDONLY | O_DIRECTORY | O_CLOEXEC), error;
+    char path[PATH_MAX];
+    int fd, error;
 
+    if ((size_t)snprintf(path, sizeof(path), "%s/.lock", directory) >= sizeof(path)) {
+        return -ENAMETOOLONG;
+    }
+    fd = open(path, O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0600);
     if (fd >= 0 && flock(fd, LOCK_EX) < 0) {
         error = errno;
         close(fd);

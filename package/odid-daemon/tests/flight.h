@@ -33,7 +33,7 @@ static struct {
     int64_t utc_us;     /* Unix time at our time 0 */
     bool armed, heartbeat, position, time, gps, native;
     uint8_t system_status, mav_type, autopilot, fix_type;
-    double gps_latitude_deg, gps_longitude_deg; /* its receiver's own */
+    double gps_latitude_deg, gps_longitude_deg; /* its receiver's own; NAN: it doesn't say */
     double latitude_deg, longitude_deg, altitude_m, relative_m, north_mps, east_mps, up_mps;
     double separation_m, horizontal_m, vertical_m, speed_mps;
     double native_ahead_s; /* native timestamps minus UTC */
@@ -65,8 +65,9 @@ static inline void begin(void)
     sim.mav_type = MAV_TYPE_QUADROTOR;
     sim.autopilot = MAV_AUTOPILOT_ARDUPILOTMEGA;
     sim.fix_type = 3;
-    sim.latitude_deg = sim.gps_latitude_deg = 57.7089;
-    sim.longitude_deg = sim.gps_longitude_deg = 11.9746;
+    sim.latitude_deg = 57.7089;
+    sim.longitude_deg = 11.9746;
+    sim.gps_latitude_deg = sim.gps_longitude_deg = NAN;
     sim.altitude_m = 84;
     sim.separation_m = 36.4;
     sim.horizontal_m = 1.2;

@@ -76,6 +76,7 @@ static inline void fixture_reset(void)
     fixture.condition.autopilot = 3;
     fixture.condition.position_rate_hz = 4;
     fixture.link.state = LINK_ALIVE;
+    fixture.link.overrun_us = INT64_MIN;
     strcpy(fixture.link.name, "/dev/ttyACM0 at 921600 baud");
     for (enum channel channel = 0; channel < CHANNELS; channel++) {
         fixture.radios[channel].state = RADIO_ON_AIR;

@@ -30,6 +30,7 @@ static inline void record(void *context, const struct telemetry_update *update, 
 static inline void begin(void)
 {
     frames_are(2, false);
+    mavlink_get_channel_status(MAVLINK_COMM_0)->current_tx_seq = 0; /* the library's goes on */
     now_us = 1000 * SECOND;
     update_count = 0;
     telemetry = telemetry_init(record, NULL);
@@ -90,6 +91,8 @@ static inline struct frame ground_station_heartbeat(uint8_t system)
 static inline void begin_with_vehicle(void)
 {
     begin();
+    feed(autopilot_heartbeat(VEHICLE));
+    now_us += 3 * SECOND; /* it is there to stay */
     feed(autopilot_heartbeat(VEHICLE));
     feed(ground_station_heartbeat(GROUND_STATION));
     update_count = 0;

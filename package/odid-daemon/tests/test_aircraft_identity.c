@@ -306,6 +306,75 @@ static void a_configured_operator_wins_and_a_difference_is_reported(void **state
     assert_false(condition.operator_id_conflict);
 }
 
+static void description_by_ground(uint8_t type, const char *text)
+{
+    struct telemetry_update update = update_of(TELEMETRY_SELF_ID);
+
+    update.by_ground_station = true;
+    update.self_id.type = type;
+    strcpy(update.self_id.text, text);
+    give(&update);
+    look();
+}
+
+static void assert_description(const char *text, uint8_t type, enum aircraft_status status)
+{
+    assert_string_equal(view.description, text);
+    assert_int_equal(view.description_type, type);
+    assert_int_equal(view.location.status, status);
+    assert_int_equal(condition.emergency_declared, status == AIRCRAFT_EMERGENCY);
+}
+
+/* What is configured knows nothing of the moment. */
+static void a_declared_emergency_goes_before_what_is_configured(void **state)
+{
+    (void)state;
+    strcpy(config.description, "Sea rescue surveillance");
+    arm(true);
+    fly(5);
+    for (unsigned i = 0; i < 10; i++) {
+        description_by_ground(1, "Engine failure");
+        assert_description("Engine failure", 1, AIRCRAFT_EMERGENCY);
+        fly(1);
+    }
+    description_by_ground(0, "");
+    assert_description("Sea rescue surveillance", 0, AIRCRAFT_AIRBORNE);
+}
+
+static void a_declared_emergency_ends_by_silence(void **state)
+{
+    (void)state;
+    arm(true);
+    fly(5);
+    description_by_ground(1, "Engine failure");
+    fly(9.9);
+    assert_description("Engine failure", 1, AIRCRAFT_EMERGENCY);
+    fly(0.2);
+    assert_description("", 0, AIRCRAFT_AIRBORNE);
+}
+
+/* ArduPilot says its empty description beside the ground station's. */
+static void an_empty_description_takes_back_its_senders_only(void **state)
+{
+    (void)state;
+    arm(true);
+    fly(5);
+    for (unsigned i = 0; i < 5; i++) {
+        description_by_ground(1, "Engine failure");
+        native_description(0, "");
+        fly(1);
+        assert_description("Engine failure", 1, AIRCRAFT_EMERGENCY);
+    }
+    native_description(2, "Training");
+    description_by_ground(1, "");
+    assert_description("Training", 2, AIRCRAFT_AIRBORNE);
+    description_by_ground(0, "Survey");
+    assert_description("Training", 2, AIRCRAFT_AIRBORNE);
+    native_description(2, "");
+    look();
+    assert_description("Survey", 0, AIRCRAFT_AIRBORNE);
+}
+
 static void a_configured_description_wins_with_its_type(void **state)
 {
     (void)state;
@@ -461,6 +530,9 @@ int main(void)
         cmocka_unit_test_setup(a_configured_operator_wins_and_a_difference_is_reported,
                                begin_setup),
         cmocka_unit_test_setup(a_configured_description_wins_with_its_type, begin_setup),
+        cmocka_unit_test_setup(a_declared_emergency_goes_before_what_is_configured, begin_setup),
+        cmocka_unit_test_setup(a_declared_emergency_ends_by_silence, begin_setup),
+        cmocka_unit_test_setup(an_empty_description_takes_back_its_senders_only, begin_setup),
         cmocka_unit_test_setup(authentication_counts_when_all_pages_have_come, begin_setup),
         cmocka_unit_test_setup(authentication_of_one_page_is_whole, begin_setup),
         cmocka_unit_test_setup(authentication_of_16_pages_is_whole, begin_setup),

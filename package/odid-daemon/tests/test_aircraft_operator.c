@@ -275,13 +275,13 @@ static void the_autopilots_time_wins_over_the_ground_stations(void **state)
     assert_int_equal(view.system.timestamp_2019_s, seconds_2019());
     assert_int_equal(condition.operator_ahead_s, 0);
 
-    begin(); /* no better one is known */
+    begin(); /* nobody gives time but the aircraft */
     sim.time = false;
     fly(5);
     update = system_message(TELEMETRY_SYSTEM);
     give(&update);
     look();
-    assert_int_equal(view.system.timestamp_2019_s, seconds_2019());
+    assert_int_equal(view.system.timestamp_2019_s, 0);
     assert_int_equal(condition.operator_ahead_s, 0);
 }
 
@@ -338,6 +338,76 @@ static void a_native_area_count_of_0_is_one_aircraft(void **state)
     assert_int_equal(view.system.area_count, 1);
 }
 
+/* ---- two voices ---- */
+
+static void say(bool by_ground_station, uint8_t location_type, double latitude_deg)
+{
+    struct telemetry_update update = system_message(TELEMETRY_SYSTEM);
+
+    update.by_ground_station = by_ground_station;
+    update.system.operator_location_type = location_type;
+    update.system.operator_latitude_deg = latitude_deg;
+    give(&update);
+    look();
+}
+
+/* PX4's SYSTEM says home, a ground station's where the operator stands; each once a second. */
+static void a_live_operator_goes_before_home(void **state)
+{
+    (void)state;
+    fly(5);
+    for (unsigned i = 0; i < 20; i++) {
+        say(false, 0, 50);
+        assert_true(operator_is(i == 0 ? 50 : 51));
+        fly(0.5);
+        say(true, LIVE, 51);
+        assert_true(operator_is(51));
+        assert_int_equal(view.system.operator_location_type, LIVE);
+        assert_true(condition.operators_differ);
+        fly(0.5);
+    }
+    for (unsigned i = 0; i < 11; i++) { /* it falls silent */
+        say(false, 0, 50);
+        fly(1);
+    }
+    assert_true(operator_is(50));
+    assert_false(condition.operators_differ);
+}
+
+static void of_equals_the_first_one_counts_until_it_is_silent(void **state)
+{
+    (void)state;
+    fly(5);
+    for (unsigned i = 0; i < 20; i++) {
+        say(true, LIVE, 51);
+        assert_true(operator_is(51));
+        say(false, LIVE, 50);
+        assert_true(operator_is(51));
+        fly(1);
+    }
+    for (unsigned i = 0; i < 20; i++) {
+        say(false, LIVE, 50);
+        assert_true(operator_is(i < 9 ? 51 : 50));
+        fly(1);
+    }
+    say(true, LIVE, 51);
+    assert_true(operator_is(50));
+}
+
+/* ArduPilot passes on what the ground station says. */
+static void one_place_by_two_ways_is_no_difference(void **state)
+{
+    (void)state;
+    fly(5);
+    for (unsigned i = 0; i < 20; i++) {
+        say(true, LIVE, 51 + 1e-6 * i);
+        fly(0.5);
+        say(false, LIVE, 51 + 1e-6 * i);
+        assert_false(condition.operators_differ);
+        fly(0.5);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -359,6 +429,9 @@ int main(void)
         cmocka_unit_test_setup(a_native_classification_fills_what_is_not_configured, begin_setup),
         cmocka_unit_test_setup(one_aircraft_and_no_area_is_the_default, begin_setup),
         cmocka_unit_test_setup(a_native_area_count_of_0_is_one_aircraft, begin_setup),
+        cmocka_unit_test_setup(a_live_operator_goes_before_home, begin_setup),
+        cmocka_unit_test_setup(of_equals_the_first_one_counts_until_it_is_silent, begin_setup),
+        cmocka_unit_test_setup(one_place_by_two_ways_is_no_difference, begin_setup),
     };
 
     return cmocka_run_group_tests_name("aircraft, System", tests, NULL, NULL);

@@ -367,15 +367,87 @@ static void a_second_receivers_fix_is_one(void **state)
     struct telemetry_update second = update_of(TELEMETRY_GPS2_RAW);
 
     (void)state;
-    sim.fix_type = GPS_FIX_TYPE_NO_GPS;
+    fly(5);
+    assert_int_equal(view.location.horizontal_accuracy, 11); /* below 3 m */
+    sim.fix_type = GPS_FIX_TYPE_NO_FIX;
     second.gps_raw.fix_type = GPS_FIX_TYPE_3D_FIX;
+    second.gps_raw.latitude_deg = second.gps_raw.longitude_deg = NAN;
+    second.gps_raw.horizontal_accuracy_m = 25;
+    second.gps_raw.vertical_accuracy_m = 40;
+    second.gps_raw.speed_accuracy_mps = 2;
+    second.gps_raw.separation_m = 40;
     for (unsigned i = 0; i < 10; i++) {
         give(&second);
         fly(1);
         assert_true(view.location.position_fresh);
+        assert_int_equal(view.location.horizontal_accuracy, 9); /* below 30 m: its own */
+        assert_int_equal(view.location.vertical_accuracy, 2);
+        assert_int_equal(view.location.speed_accuracy, 2);
+        assert_near(view.location.altitude_geodetic_m, i == 0 ? 84 + 36.4 : 84 + 40);
     }
     fly(6);
     assert_false(view.location.position_fresh);
+}
+
+/* The native position was rated a second before; now its receiver has lost the fix. */
+static void a_fix_that_is_lost_is_lost_for_the_native_position_too(void **state)
+{
+    (void)state;
+    sim.native = true;
+    fly(10);
+    sim.fix_type = GPS_FIX_TYPE_NO_FIX;
+    sim.native = false;
+    fly(1.1);
+    assert_false(condition.fix_known);
+    sim.native = true; /* it is rated still: by a receiver that isn't heard */
+    fly(2.1);
+    assert_true(condition.fix_known);
+}
+
+/* An estimator that stands still, with a time that moves on, and a receiver that flies. */
+static void a_place_where_its_receiver_is_not_does_not_count(void **state)
+{
+    (void)state;
+    sim.gps_latitude_deg = sim.latitude_deg;
+    sim.gps_longitude_deg = sim.longitude_deg;
+    fly(10);
+    for (unsigned i = 0; i < 100; i++) {
+        fly(0.1);
+        sim.gps_latitude_deg += 1.0 / 111320; /* 10 m/s */
+        if (i < 60) {
+            assert_true(view.location.position_fresh);
+        } else if (i > 80) {
+            assert_false(view.location.position_fresh);
+            assert_true(condition.apart);
+            assert_int_equal(view.location.status, AIRCRAFT_REMOTE_ID_FAILURE);
+        }
+    }
+    sim.latitude_deg = sim.gps_latitude_deg;
+    fly(1.2);
+    assert_true(view.location.position_fresh);
+    assert_false(condition.apart);
+}
+
+/* A fast aircraft, and a position a second; then a receiver that knows how bad it is. */
+static void a_receiver_is_near_enough(void **state)
+{
+    (void)state;
+    sim.gps_latitude_deg = sim.latitude_deg;
+    sim.gps_longitude_deg = sim.longitude_deg;
+    for (unsigned i = 0; i < 300; i++) {
+        sim.gps_latitude_deg += 6.0 / 111320; /* 60 m/s */
+        sim.north_mps = 60;
+        if (i % 10 == 0) {
+            sim.latitude_deg = sim.gps_latitude_deg;
+        }
+        fly(0.1);
+        assert_true(i < 20 || view.location.position_fresh);
+    }
+    sim.north_mps = 0;
+    sim.horizontal_m = 100;
+    sim.latitude_deg = sim.gps_latitude_deg + 200.0 / 111320;
+    fly(10);
+    assert_true(view.location.position_fresh);
 }
 
 /* Everything came 2 s late for a while: UTC stays what it was when that ends. */
@@ -435,6 +507,9 @@ int main(void)
         cmocka_unit_test_setup(a_time_without_a_fix_is_none, begin_setup),
         cmocka_unit_test_setup(a_time_from_before_the_fix_is_not_confirmed_by_it, begin_setup),
         cmocka_unit_test_setup(a_second_receivers_fix_is_one, begin_setup),
+        cmocka_unit_test_setup(a_fix_that_is_lost_is_lost_for_the_native_position_too, begin_setup),
+        cmocka_unit_test_setup(a_place_where_its_receiver_is_not_does_not_count, begin_setup),
+        cmocka_unit_test_setup(a_receiver_is_near_enough, begin_setup),
         cmocka_unit_test_setup(delays_that_end_do_not_bend_utc, begin_setup),
         cmocka_unit_test_setup(an_inverted_vertical_speed_is_set_right_and_said, begin_setup),
     };

@@ -142,9 +142,12 @@ static void a_native_status_wins_while_it_is_fresh(void **state)
         struct telemetry_update update;
 
         fly(0.2);
-        update = native_of(now_us);
-        update.location.status = status;
-        give(&update);
+        for (unsigned times = 0; times < 2; times++) {
+            fly(0.2);
+            update = native_of(now_us);
+            update.location.status = status;
+            give(&update);
+        }
         look();
         /* undeclared, or a number that isn't one: what telemetry knows */
         assert_int_equal(view.location.status,
@@ -169,6 +172,11 @@ static void a_native_emergency_is_said_without_a_position(void **state)
     update.location.latitude_deg = update.location.longitude_deg = NAN;
     give(&update);
     look();
+    assert_int_equal(view.location.status, AIRCRAFT_REMOTE_ID_FAILURE); /* once is no word */
+    now_us += SECOND;
+    update.location.timestamp_s += 1;
+    give(&update);
+    look();
     assert_int_equal(view.location.status, AIRCRAFT_EMERGENCY);
     fly(3);
     assert_int_equal(view.location.status, AIRCRAFT_REMOTE_ID_FAILURE);
@@ -188,6 +196,23 @@ static void an_emergency_counts_from_whichever_source(void **state)
     look();
     assert_int_equal(view.location.status, AIRCRAFT_EMERGENCY);
     assert_int_equal(view.location.status_source, SOURCE_TELEMETRY);
+}
+
+/* It lies there, disarmed, and by its landed state on the ground. */
+static void a_crash_is_an_emergency_until_it_is_armed_again(void **state)
+{
+    struct telemetry_update crash = update_of(TELEMETRY_CRASHED);
+
+    (void)state;
+    arm(true);
+    fly(20);
+    give(&crash);
+    arm(false);
+    fly(60);
+    assert_int_equal(view.location.status, AIRCRAFT_EMERGENCY);
+    arm(true);
+    fly(1);
+    assert_int_equal(view.location.status, AIRCRAFT_AIRBORNE);
 }
 
 /* A real copter: disarmed at 86 m, under its parachute, "on ground" by its landed state. */
@@ -346,6 +371,7 @@ int main(void)
         cmocka_unit_test_setup(a_landed_state_that_stopped_gives_way_to_the_armed_bit, begin_setup),
         cmocka_unit_test_setup(an_emergency_is_said_and_over_when_it_is_over, begin_setup),
         cmocka_unit_test_setup(an_emergency_without_a_position_is_an_emergency, begin_setup),
+        cmocka_unit_test_setup(a_crash_is_an_emergency_until_it_is_armed_again, begin_setup),
         cmocka_unit_test_setup(a_lost_heartbeat_is_a_remote_id_failure_after_3_s, begin_setup),
         cmocka_unit_test_setup(a_lost_heartbeat_keeps_a_position_that_still_comes, begin_setup),
         cmocka_unit_test_setup(the_first_seconds_are_no_failure_yet, begin_setup),

@@ -213,6 +213,33 @@ static void who_never_answers_is_asked_more_and_more_seldom(void **state)
     }
 }
 
+/* A cable with one wire; an autopilot that takes signed frames only. */
+static void an_autopilot_that_hears_nothing_is_found_out(void **state)
+{
+    (void)state;
+    for (unsigned i = 0; i < MESSAGES; i++) {
+        when_asked[i] = IGNORES;
+        sends_us[i] = i < 3 ? message[i].interval_us : 0;
+    }
+    pass(10);
+    assert_false(asking_unheard(&asking));
+    pass(120);
+    assert_true(asking_unheard(&asking));
+    sends_us[3] = message[3].interval_us; /* it did what it was asked for */
+    pass(10);
+    assert_false(asking_unheard(&asking));
+}
+
+static void a_refusal_is_an_answer(void **state)
+{
+    (void)state;
+    for (unsigned i = 0; i < MESSAGES; i++) {
+        when_asked[i] = REFUSES;
+    }
+    pass(300);
+    assert_false(asking_unheard(&asking));
+}
+
 static void the_answer_to_another_command_says_nothing(void **state)
 {
     struct asking_request request;
@@ -255,6 +282,8 @@ int main(void)
         cmocka_unit_test_setup(a_refusal_is_remembered_until_the_autopilot_restarts, setup),
         cmocka_unit_test_setup(what_a_position_needs_is_never_given_up, setup),
         cmocka_unit_test_setup(who_never_answers_is_asked_more_and_more_seldom, setup),
+        cmocka_unit_test_setup(an_autopilot_that_hears_nothing_is_found_out, setup),
+        cmocka_unit_test_setup(a_refusal_is_an_answer, setup),
         cmocka_unit_test_setup(the_answer_to_another_command_says_nothing, setup),
     };
 

@@ -246,8 +246,10 @@ static void the_geoid_makes_no_steps(void **state)
     (void)state;
     assert_int_equal(feed(gps(0, -17)), 1); /* that says nothing of it */
     for (unsigned i = 0; i < 20; i++) {
-        assert_int_equal(feed(gps(3, 36 + 0.2 * i)), 1);
-        assert_int_equal(feed(gps(3, 90)), 0);
+        assert_int_equal(feed(gps(3, 36 + 0.05 * i)), 1);
+        assert_true(fabs(latest()->gps_raw.separation_m - (36 + 0.05 * i)) < 1e-6);
+        assert_int_equal(feed(gps(3, 90)), 1); /* a fix is a fix */
+        assert_true(isnan(latest()->gps_raw.separation_m));
         now_us += SECOND;
     }
     assert_true(telemetry_contradicted(telemetry, now_us));
@@ -273,7 +275,7 @@ static void the_fault_ends_with_the_attack(void **state)
 {
     (void)state;
     positions_from_the_future_do_not_replace_the_real_ones(state);
-    fly(51);
+    fly(305);
     assert_false(telemetry_contradicted(telemetry, now_us));
 }
 
@@ -310,7 +312,7 @@ static void a_jump_that_no_aircraft_flies_has_to_be_confirmed(void **state)
 {
     (void)state;
     for (unsigned i = 0; i < 10; i++) {
-        fly(60);
+        fly(90);
         now_us += 5 * SECOND;
         assert_int_equal(feed(position(boot_ms(), LATITUDE_E7 + 10000000)), 0);
         now_us += 200000;
@@ -365,11 +367,50 @@ static void frames_numbered_by_two_are_a_contradiction(void **state)
     }
     assert_false(telemetry_contradicted(telemetry, now_us));
     for (unsigned i = 0; i < 5; i++) {
-        feed(numbered(autopilot_heartbeat(VEHICLE), (uint8_t)(100 + i)));
+        feed(numbered(autopilot_heartbeat(VEHICLE), (uint8_t)(342 + i)));
         feed(numbered(autopilot_heartbeat(VEHICLE), (uint8_t)(20 + i)));
         now_us += SECOND;
     }
     assert_true(telemetry_contradicted(telemetry, now_us));
+}
+
+/* Where the line is quiet for 110 ms, he takes the last number again, the next one, or any. */
+static void no_number_is_left_to_forge_with(void **state)
+{
+    static const uint8_t ahead[] = {0, 1, 2, 9, 100, 128, 200, 255};
+
+    for (size_t i = 0; i < sizeof(ahead); i++) {
+        setup(state);
+        for (unsigned j = 0; j < 200; j++) { /* bursts of four, five times a second */
+            feed(numbered(autopilot_heartbeat(VEHICLE), (uint8_t)j));
+            if (j % 4 == 3) {
+                now_us += 110000;
+                if (j > 100 && j % 16 == 3) {
+                    feed(numbered(heartbeat_with_mode(VEHICLE, 1), (uint8_t)(j + ahead[i])));
+                }
+                now_us += 90000;
+            }
+        }
+        assert_true(telemetry_contradicted(telemetry, now_us));
+    }
+}
+
+/* Twenty frames a second, and eight hundred that go to the ground station only. */
+static void a_log_that_is_downloaded_is_none(void **state)
+{
+    uint8_t number = 0;
+
+    (void)state;
+    for (unsigned i = 0; i < 200; i++) {
+        feed(numbered(autopilot_heartbeat(VEHICLE), number++));
+        now_us += SECOND / 20;
+    }
+    for (unsigned i = 0; i < 6000; i++) {
+        feed(numbered(autopilot_heartbeat(VEHICLE), number));
+        number = (uint8_t)(number + (i % 4 == 3 ? 150 + i * 7 % 20 : 1));
+        now_us += i % 4 == 3 ? 195000 : 1500;
+        assert_false(telemetry_contradicted(telemetry, now_us));
+    }
 }
 
 /* A log that is downloaded: most frames go to the ground station only. */
@@ -471,6 +512,8 @@ int main(void)
         TEST(what_was_held_up_on_the_way_counts),
         TEST(utc_is_the_believed_sources),
         TEST(frames_numbered_by_two_are_a_contradiction),
+        TEST(no_number_is_left_to_forge_with),
+        TEST(a_log_that_is_downloaded_is_none),
         TEST(frames_that_went_elsewhere_are_none),
         TEST(one_autopilot_by_two_links_is_no_contradiction),
         TEST(an_unset_utc_is_nobody_s),

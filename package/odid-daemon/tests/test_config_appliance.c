@@ -31,7 +31,7 @@ static void right_values(void **state)
         {"autopilot", "baud", "57600", "57600"},
         {"ground_station", "address", "192.168.1.20", "192.168.1.20"},
         {"ground_station", "address", "192.168.1.20:14551", "192.168.1.20:14551"},
-        {"ground_station", "address", "255.255.255.255:65535", "255.255.255.255:65535"},
+        {"ground_station", "address", "223.255.255.254:65535", "223.255.255.254:65535"},
         {"ground_station", "address", "\"\"", ""},
         {"ground_station", "interface", "wwan0", "wwan0"},
         {"wifi", "country", "no", "NO"},
@@ -102,6 +102,9 @@ static void wrong_values(void **state)
         {"ground_station", "address", "laptop.local",
          "an IPv4 address such as 192.168.1.20 or 192.168.1.20:14550, or \"\"; using none"},
         {"ground_station", "address", "0.0.0.0", NULL},
+        {"ground_station", "address", "127.0.0.1:14560", NULL}, /* nothing of the board's own */
+        {"ground_station", "address", "224.0.0.1", NULL},
+        {"ground_station", "address", "255.255.255.255", NULL},
         {"ground_station", "address", "192.168.1.300", NULL},
         {"ground_station", "address", "192.168.1.20:0", NULL},
         {"ground_station", "address", "192.168.1.20:65536", NULL},

@@ -136,10 +136,10 @@ static void link_states(void **state)
     assert_string_equal(health.problem[0].advice,
                         "Plug in the autopilot's USB cable, or set [mavlink] device.");
     fixture.link.state = LINK_SILENT;
-    expect_one(HEALTH_FAULT, "autopilot is silent: nothing comes");
+    expect_one(HEALTH_FAULT, "autopilot is silent");
     assert_non_null(strstr(health.problem[0].advice, "baud"));
     fixture.config.source = MAVLINK_SOURCE_UDP;
-    expect_one(HEALTH_FAULT, "autopilot is silent: nothing comes");
+    expect_one(HEALTH_FAULT, "autopilot is silent");
     assert_non_null(strstr(health.problem[0].advice, "mavlink-router"));
     fixture.link.state = LINK_ABSENT;
     judge();
@@ -408,8 +408,10 @@ static void a_pilot_can_read_each_of_them(void **state)
     fixture.view = (struct aircraft_view){.location.fix_us = INT64_MIN};
     fixture.condition = (struct aircraft_condition){.heartbeat_fresh = true};
     fixture.input.updating = fixture.input.contradicted = true;
-    for (unsigned round = 0; round < 4; round++) {
-        fixture.link.state = round == 0 ? LINK_ABSENT : LINK_ALIVE;
+    fixture.condition.simulated = true;
+    for (unsigned round = 0; round < 6; round++) {
+        fixture.link.state = round == 0 ? LINK_ABSENT : round == 4 ? LINK_SILENT : LINK_ALIVE;
+        fixture.condition.apart = round == 5;
         fixture.condition.heartbeat_fresh = round != 1;
         fixture.condition.fix_known = round == 2;
         fixture.radios[CHANNEL_BT4].state = round == 3 ? RADIO_ON_AIR : RADIO_STARTING;

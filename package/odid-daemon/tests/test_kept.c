@@ -7,6 +7,7 @@
 #include <cmocka.h>
 
 #include <errno.h>
+#include <fcntl.h>
 #include <math.h>
 #include <stdbool.h>
 #include <stdio.h>
@@ -208,6 +209,25 @@ static void counters_of_half_a_file_begin_anew(void **state)
     close(fd);
 }
 
+/* The folder is another user's, and root reads what is in it. */
+static void no_name_is_followed(void **state)
+{
+    struct kept out = {0};
+    char elsewhere[128];
+    int fd;
+
+    (void)state;
+    snprintf(elsewhere, sizeof(elsewhere), "%s/elsewhere", directory);
+    fd = open(elsewhere, O_WRONLY | O_CREAT | O_CLOEXEC, 0644);
+    assert_true(fd >= 0 && dprintf(fd, "armed no\n") > 0);
+    close(fd);
+    unlink(path);
+    assert_int_equal(symlink(elsewhere, path), 0);
+    assert_int_equal(kept_read(directory, &out), -ELOOP);
+    unlink(path);
+    unlink(elsewhere);
+}
+
 static void counters_that_cannot_be_kept_begin_anew(void **state)
 {
     static const struct kept_counters none;
@@ -230,6 +250,7 @@ int main(void)
         cmocka_unit_test(a_finished_flights_point_is_gone),
         cmocka_unit_test(nonsense_is_unknown),
         cmocka_unit_test(armed_is_kept),
+        cmocka_unit_test(no_name_is_followed),
         cmocka_unit_test(a_directory_that_is_gone_is_an_error),
         cmocka_unit_test(counters_go_on),
         cmocka_unit_test(counters_of_half_a_file_begin_anew),

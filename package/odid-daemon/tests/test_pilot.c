@@ -49,7 +49,7 @@ static void a_heartbeat_says_that_we_are_a_healthy_remote_id_transmitter(void **
     mavlink_heartbeat_t heartbeat;
 
     (void)state;
-    pilot_tell(&pilot, VEHICLE, "");
+    pilot_tell(&pilot, VEHICLE, "", false);
     assert_int_equal(sent_count, 2);
     assert_int_equal(sent[0].msgid, MAVLINK_MSG_ID_HEARTBEAT);
     mavlink_msg_heartbeat_decode(&sent[0], &heartbeat);
@@ -61,13 +61,27 @@ static void a_heartbeat_says_that_we_are_a_healthy_remote_id_transmitter(void **
     assert_int_equal(heartbeat.mavlink_version, 3);
 }
 
+/* PX4 looks at nothing else, and arms with one that is active. */
+static void with_a_reason_we_are_not_ready_until_it_is_armed(void **state)
+{
+    mavlink_heartbeat_t heartbeat;
+
+    (void)state;
+    pilot_tell(&pilot, VEHICLE, "missing basic_id message", false);
+    mavlink_msg_heartbeat_decode(&sent[0], &heartbeat);
+    assert_int_equal(heartbeat.system_status, MAV_STATE_CRITICAL);
+    pilot_tell(&pilot, VEHICLE, "missing basic_id message", true);
+    mavlink_msg_heartbeat_decode(&sent[2], &heartbeat);
+    assert_int_equal(heartbeat.system_status, MAV_STATE_ACTIVE);
+}
+
 static void no_reason_is_good_to_arm(void **state)
 {
     static const char empty[50];
     mavlink_open_drone_id_arm_status_t arm;
 
     (void)state;
-    pilot_tell(&pilot, VEHICLE, "");
+    pilot_tell(&pilot, VEHICLE, "", false);
     assert_int_equal(sent[1].msgid, 12918);
     mavlink_msg_open_drone_id_arm_status_decode(&sent[1], &arm);
     assert_int_equal(arm.status, 0);
@@ -79,7 +93,7 @@ static void a_reason_is_told_word_for_word(void **state)
     mavlink_open_drone_id_arm_status_t arm;
 
     (void)state;
-    pilot_tell(&pilot, VEHICLE, "missing basic_id message");
+    pilot_tell(&pilot, VEHICLE, "missing basic_id message", false);
     mavlink_msg_open_drone_id_arm_status_decode(&sent[1], &arm);
     assert_int_equal(arm.status, 1);
     assert_string_equal(arm.error, "missing basic_id message");
@@ -91,7 +105,7 @@ static void a_long_reason_is_cut_and_terminated(void **state)
     mavlink_open_drone_id_arm_status_t arm;
 
     (void)state;
-    pilot_tell(&pilot, VEHICLE, reason);
+    pilot_tell(&pilot, VEHICLE, reason, false);
     mavlink_msg_open_drone_id_arm_status_decode(&sent[1], &arm);
     assert_int_equal(arm.status, 1);
     assert_memory_equal(arm.error, reason, PILOT_REASON_MAX);
@@ -101,8 +115,8 @@ static void a_long_reason_is_cut_and_terminated(void **state)
 static void frames_are_numbered(void **state)
 {
     (void)state;
-    pilot_tell(&pilot, VEHICLE, "");
-    pilot_tell(&pilot, VEHICLE, "");
+    pilot_tell(&pilot, VEHICLE, "", false);
+    pilot_tell(&pilot, VEHICLE, "", false);
     for (unsigned i = 1; i < sent_count; i++) {
         assert_int_equal(sent[i].seq, (uint8_t)(sent[i - 1].seq + 1));
     }
@@ -230,6 +244,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup(a_heartbeat_says_that_we_are_a_healthy_remote_id_transmitter, setup),
+        cmocka_unit_test_setup(with_a_reason_we_are_not_ready_until_it_is_armed, setup),
         cmocka_unit_test_setup(no_reason_is_good_to_arm, setup),
         cmocka_unit_test_setup(a_reason_is_told_word_for_word, setup),
         cmocka_unit_test_setup(a_long_reason_is_cut_and_terminated, setup),

@@ -264,7 +264,6 @@ static void empty_messages_are_absent(void **state)
     const mavlink_open_drone_id_basic_id_t no_id = {.target_system = VEHICLE, .ua_type = 2};
     const mavlink_open_drone_id_basic_id_t untyped = {.uas_id = "SSRS5GBG01"};
     const mavlink_open_drone_id_basic_id_t nameless = {.id_type = 1};
-    const mavlink_open_drone_id_self_id_t no_text = {.description_type = 1};
     const mavlink_open_drone_id_operator_id_t no_operator = {.target_system = VEHICLE};
     const mavlink_open_drone_id_system_t no_system = {.target_system = VEHICLE,
                                                       .target_component = 1};
@@ -277,7 +276,6 @@ static void empty_messages_are_absent(void **state)
         assert_int_equal(feed(frame_open_drone_id_basic_id(VEHICLE, AUTOPILOT, &no_id)), 0);
         assert_int_equal(feed(frame_open_drone_id_basic_id(VEHICLE, AUTOPILOT, &untyped)), 0);
         assert_int_equal(feed(frame_open_drone_id_basic_id(VEHICLE, AUTOPILOT, &nameless)), 0);
-        assert_int_equal(feed(frame_open_drone_id_self_id(VEHICLE, AUTOPILOT, &no_text)), 0);
         assert_int_equal(feed(frame_open_drone_id_operator_id(VEHICLE, AUTOPILOT, &no_operator)),
                          0);
         dirty_the_stack((uint8_t)dirt);
@@ -287,6 +285,17 @@ static void empty_messages_are_absent(void **state)
                          0);
         assert_int_equal(feed(frame_open_drone_id_authentication(VEHICLE, AUTOPILOT, &no_page)), 0);
     }
+}
+
+/* By it a ground station takes back what it said before. */
+static void an_empty_description_is_one(void **state)
+{
+    const mavlink_open_drone_id_self_id_t no_text = {.description_type = 1};
+
+    (void)state;
+    assert_int_equal(feed(frame_open_drone_id_self_id(VEHICLE, AUTOPILOT, &no_text)), 1);
+    assert_int_equal(updates[update_count - 1].kind, TELEMETRY_SELF_ID);
+    assert_string_equal(updates[update_count - 1].self_id.text, "");
 }
 
 static void a_system_message_is_read(void **state)
@@ -386,6 +395,7 @@ int main(void)
         cmocka_unit_test_setup(texts_come_at_full_length, setup),
         cmocka_unit_test_setup(a_binary_id_keeps_its_zeros, setup),
         cmocka_unit_test_setup(empty_messages_are_absent, setup),
+        cmocka_unit_test_setup(an_empty_description_is_one, setup),
         cmocka_unit_test_setup(a_system_message_is_read, setup),
         cmocka_unit_test_setup(a_system_update_is_read, setup),
         cmocka_unit_test_setup(authentication_pages_are_read_and_impossible_ones_not, setup),

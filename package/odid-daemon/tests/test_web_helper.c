@@ -57,7 +57,7 @@ static enum web_password verdict_on(int helper, const char *password)
 {
     struct web_login login;
 
-    web_helper_login(helper, password, &login);
+    web_helper_login(helper, WEB_BY_CABLE, password, &login);
     assert_int_equal(login.verdict == WEB_PASSWORD_RIGHT, login.token[0] != '\0');
     assert_int_equal(login.verdict == WEB_PASSWORD_WAIT, login.wait_s > 0);
     return login.verdict;
@@ -70,11 +70,41 @@ static int begin_session(char token[WEB_TOKEN_SIZE])
     struct web_login login;
 
     keep_password();
-    web_helper_login(helper, PASSWORD, &login);
+    web_helper_login(helper, WEB_BY_CABLE, PASSWORD, &login);
     assert_int_equal(login.verdict, WEB_PASSWORD_RIGHT);
     assert_int_equal(strlen(login.token), WEB_TOKEN_SIZE - 1);
     memcpy(token, login.token, WEB_TOKEN_SIZE);
     return helper;
+}
+
+static void another_password_ends_who_gave_the_first(void **state)
+{
+    char token[WEB_TOKEN_SIZE];
+    int helper = begin_session(token);
+    char key[MAINTENANCE_KEY_SIZE];
+
+    (void)state;
+    assert_true(web_helper_known(helper, token));
+    maintenance_key("freshwater", "RemoteID-0A1B", key);
+    put("data/secrets/maintenance.psk", key);
+    assert_false(web_helper_known(helper, token));
+    assert_int_equal(verdict_on(helper, "freshwater"), WEB_PASSWORD_RIGHT);
+    end_helper(helper);
+}
+
+/* Whoever guesses at the cable takes no try away from the access point, and there are only five. */
+static void who_tries_by_cable_does_not_lock_the_access_point(void **state)
+{
+    int helper = begin_helper();
+    struct web_login login;
+
+    (void)state;
+    keep_password();
+    while (verdict_on(helper, "guess") != WEB_PASSWORD_WAIT) {
+    }
+    web_helper_login(helper, WEB_BY_ACCESS_POINT, PASSWORD, &login);
+    assert_int_equal(login.verdict, WEB_PASSWORD_RIGHT);
+    end_helper(helper);
 }
 
 static void without_a_password_nobody_gets_in(void **state)
@@ -292,6 +322,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup(without_a_password_nobody_gets_in, bench_clear),
+        cmocka_unit_test_setup(another_password_ends_who_gave_the_first, bench_clear),
+        cmocka_unit_test_setup(who_tries_by_cable_does_not_lock_the_access_point, bench_clear),
         cmocka_unit_test_setup(passwords, bench_clear),
         cmocka_unit_test_setup(a_password_outlives_the_access_point_s_name, bench_clear),
         cmocka_unit_test_setup(passwords_can_not_be_tried_one_after_the_other, bench_clear),

@@ -18,7 +18,7 @@ static void begin(struct web_sessions *sessions, uint8_t fill, int64_t now_us,
     uint8_t random[WEB_TOKEN_BYTES];
 
     memset(random, fill, sizeof(random));
-    web_sessions_begin(sessions, random, now_us, token);
+    web_sessions_begin(sessions, WEB_BY_CABLE, random, now_us, token);
 }
 
 static void a_session_is_known_until_it_ends(void **state)
@@ -74,7 +74,7 @@ static unsigned tries_at(struct web_sessions *sessions, int64_t now_us)
 {
     unsigned tries = 0, wait_s;
 
-    while (tries < 1000 && web_sessions_try(sessions, now_us, &wait_s)) {
+    while (tries < 1000 && web_sessions_try(sessions, WEB_BY_CABLE, now_us, &wait_s)) {
         tries++;
     }
     return tries;
@@ -87,10 +87,11 @@ static void passwords_are_tried_only_so_often(void **state)
 
     (void)state;
     assert_int_equal(tries_at(&sessions, 100 * S), WEB_TRIES);
-    assert_false(web_sessions_try(&sessions, 100 * S, &wait_s));
+    assert_false(web_sessions_try(&sessions, WEB_BY_CABLE, 100 * S, &wait_s));
     assert_in_range(wait_s, 10, 11);
     assert_int_equal(tries_at(&sessions, 109 * S), 0);
-    assert_true(web_sessions_try(&sessions, 100 * S + wait_s * S, &wait_s)); /* as was said */
+    assert_true(
+        web_sessions_try(&sessions, WEB_BY_CABLE, 100 * S + wait_s * S, &wait_s)); /* as was said */
     assert_int_equal(tries_at(&sessions, 120 * S), 1);
     assert_int_equal(tries_at(&sessions, 150 * S), 3);
     assert_int_equal(tries_at(&sessions, 100000 * S), WEB_TRIES); /* never more at once */
@@ -104,7 +105,7 @@ static void a_right_password_costs_no_try(void **state)
 
     (void)state;
     for (unsigned i = 0; i < 100; i++) {
-        assert_true(web_sessions_try(&sessions, 100 * S, &wait_s));
+        assert_true(web_sessions_try(&sessions, WEB_BY_CABLE, 100 * S, &wait_s));
         begin(&sessions, 1, 100 * S, token);
     }
     assert_int_equal(tries_at(&sessions, 100 * S), WEB_TRIES);

@@ -1,0 +1,120 @@
+/* The GNSS receivers behind the autopilot's estimator: who has a fix, and is the position where
+ * that receiver is? */
+#include <common/mavlink.h>
+#include <math.h>
+
+#include "aircraft_state.h"
+
+#define METRES_PER_DEGREE 111320.0
+/* An estimator is that far from its receiver at most, beside what the accuracies say, ... */
+#define APART_M 30.0
+#define ACCURACY_UNKNOWN_M 10.0
+/* ... what it flew since its last position, and a receiver's own delay; */
+#define DELAY_S 0.5
+/* or it is wrong, when it stays so for that long. */
+#define APART_US 3000000
+
+void aircraft_forget_receivers(struct aircraft *aircraft)
+{
+    for (unsigned i = 0; i < AIRCRAFT_RECEIVERS; i++) {
+        aircraft->receiver[i].said_us = INT64_MIN;
+    }
+    aircraft->no_fix_us = INT64_MIN;
+    aircraft->telemetry.apart_us = aircraft->native.apart_us = INT64_MIN;
+}
+
+const struct aircraft_receiver *aircraft_receiver(const struct aircraft *aircraft, int64_t now_us)
+{
+    const struct aircraft_receiver *best = NULL;
+
+    for (unsigned i = 0; i < AIRCRAFT_RECEIVERS; i++) {
+        const struct aircraft_receiver *receiver = &aircraft->receiver[i];
+
+        /* Two dimensions are less than three; what is more than three makes no difference here. */
+        if (aircraft_fresh(receiver->said_us, now_us) &&
+            receiver->fix_type >= GPS_FIX_TYPE_2D_FIX &&
+            (best == NULL ||
+             (best->fix_type == GPS_FIX_TYPE_2D_FIX && receiver->fix_type > GPS_FIX_TYPE_2D_FIX))) {
+            best = receiver;
+        }
+    }
+    return best;
+}
+
+bool aircraft_receivers_heard(const struct aircraft *aircraft, int64_t now_us)
+{
+    for (unsigned i = 0; i < AIRCRAFT_RECEIVERS; i++) {
+        if (aircraft_fresh(aircraft->receiver[i].said_us, now_us)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+static double distance_m(const struct aircraft_receiver *receiver, const struct aircraft_fix *fix)
+{
+    double east_deg = remainder(fix->longitude_deg - receiver->longitude_deg, 360) *
+                      cos(receiver->latitude_deg * M_PI / 180);
+
+    return hypot(fix->latitude_deg - receiver->latitude_deg, east_deg) * METRES_PER_DEGREE;
+}
+
+static void compare(const struct aircraft_receiver *receiver, struct aircraft_fix *fix,
+                    double speed_mps, int64_t now_us)
+{
+    double accuracy_m = isnan(receiver->horizontal_accuracy_m) ? ACCURACY_UNKNOWN_M
+                                                               : receiver->horizontal_accuracy_m;
+    double limit_m;
+
+    if (!aircraft_fresh(fix->fix_us, now_us) || isnan(receiver->latitude_deg)) {
+        return;
+    }
+    limit_m = APART_M + 2 * accuracy_m +
+              speed_mps * (DELAY_S + fabs((double)(now_us - fix->fix_us)) * 1e-6);
+    if (distance_m(receiver, fix) <= limit_m) {
+        fix->apart_us = INT64_MIN;
+    } else if (fix->apart_us == INT64_MIN) {
+        fix->apart_us = now_us;
+    }
+}
+
+bool aircraft_is_apart(const struct aircraft *aircraft, const struct aircraft_fix *fix,
+                       int64_t now_us)
+{
+    return fix->apart_us != INT64_MIN && now_us - fix->apart_us >= APART_US &&
+           aircraft_receiver(aircraft, now_us) != NULL;
+}
+
+void aircraft_take_gps_raw(struct aircraft *aircraft, const struct telemetry_update *update,
+                           int64_t now_us)
+{
+    struct aircraft_receiver *receiver =
+        &aircraft->receiver[update->kind == TELEMETRY_GPS2_RAW ? 1 : 0];
+    double native_mps = aircraft->native_location.received.location.speed_mps;
+
+    receiver->said_us = now_us;
+    receiver->fix_type = update->gps_raw.fix_type;
+    receiver->latitude_deg = update->gps_raw.latitude_deg;
+    receiver->longitude_deg = update->gps_raw.longitude_deg;
+    receiver->horizontal_accuracy_m = update->gps_raw.horizontal_accuracy_m;
+    receiver->vertical_accuracy_m = update->gps_raw.vertical_accuracy_m;
+    receiver->speed_accuracy_mps = update->gps_raw.speed_accuracy_mps;
+    /* What was said without a fix isn't confirmed by one that comes later. */
+    if (aircraft_receiver(aircraft, now_us) != NULL) {
+        aircraft->no_fix_us = INT64_MIN;
+    } else {
+        aircraft->no_fix_us = aircraft->no_fix_us == INT64_MIN ? now_us : aircraft->no_fix_us;
+        aircraft->waiting_position.came_us = aircraft->waiting_time.came_us = INT64_MIN;
+    }
+    if (aircraft_receiver(aircraft, now_us) != receiver ||
+        receiver->fix_type < GPS_FIX_TYPE_3D_FIX) {
+        return;
+    }
+    /* The geoid changes by metres over tens of kilometres: the last one holds. */
+    if (!isnan(update->gps_raw.separation_m)) {
+        aircraft->separation_m = update->gps_raw.separation_m;
+    }
+    compare(receiver, &aircraft->telemetry,
+            hypot(aircraft->telemetry.north_mps, aircraft->telemetry.east_mps), now_us);
+    compare(receiver, &aircraft->native, isnan(native_mps) ? 0 : native_mps, now_us);
+}
