@@ -49,7 +49,7 @@ help:
 	@echo 'make demo       boots the appliance in QEMU and flies it past an independent listener'
 	@echo 'make demo-host  the same flight through the daemon alone, on this machine'
 	@echo 'make test       the gate: every part, and an appliance booted, updated and flown; minutes'
-	@echo 'make test-all   everything, real time included, with the benchmark and a short soak (two hours)'
+	@echo 'make test-all   real time included, with all faults, the benchmark and a short soak (two hours)'
 	@echo 'make steady     runs make test again and again: COUNT=10, STRESS=4 (busy processes beside it)'
 	@echo 'make simulate   flights through random faults in simulated time: SEEDS=1-20 MINUTES=10'
 	@echo 'make mutants    faults put into the daemon: the gate has to see each (an hour; RANDOM=200 SEED=1, ONLY=)'
@@ -174,8 +174,9 @@ soak: appliance
 
 # --- Testing ----------------------------------------------------------------
 
-# `make test` is the gate: parts and rules, the same verdict on any machine. `make test-all` is everything, real time
-# included. Each level leaves a JUnit file in build/test; the summary counts them, and fails where one left none.
+# `make test` is the gate: parts and rules, the same verdict on any machine. `make test-all` has real time besides, and all
+# but what is marked long: installs, roll-backs and servers (make update), 300 power cuts, long flights. Each level
+# leaves a JUnit file in build/test; the summary counts them, and fails where one left none.
 LEVEL = @tests/levels/run.sh
 PYTEST = -ra --continue-on-collection-errors -o cache_dir=build/pytest
 TESTS = tests --ignore=tests/image

@@ -2,7 +2,7 @@
 
 from mutants.named import NAMED
 from mutants.places import places
-from mutants.run import put_in
+from mutants.run import Kept, put_in
 from mutants.survivors import SURVIVORS
 from mutants.trial import SOURCE
 
@@ -11,6 +11,14 @@ def test_each_named_one_changes_its_file():
     assert len({one.name for one in NAMED}) == len(NAMED) >= 25
     for mutant in NAMED:
         assert put_in(mutant) != (SOURCE / "src" / mutant.file).read_text()
+
+
+def test_a_verdict_holds_for_the_sources_that_it_was_found_of(tmp_path):
+    path, change = tmp_path / "seen.jsonl", ("some.c", 1, 2, "<", "<=")
+    kept = Kept(path, "these")
+    kept.add(change, "caught", "test_some")
+    kept.add(("some.c", 3, 4, "1", "2"), "survived", "")
+    assert Kept(path, "these").found == {change: ("caught", "test_some")} and Kept(path, "others").found == {}
 
 
 def test_each_survivor_is_still_there():

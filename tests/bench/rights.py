@@ -256,7 +256,7 @@ def running(machine):
     machine.put("/tmp/writable", tool("writable"))
     # All but what belongs to single processes.
     machine.must("for one in /*; do [ $one = /proc ] || find $one ! -type l; done >/tmp/paths; "
-                 "find /proc/[a-z]* ! -type l >>/tmp/paths; true", 60)
+                 "find /proc/[a-z]* ! -type l >>/tmp/paths; true")
     nobody = machine.must("chpst -u nobody:nogroup sleep 60 >/dev/null & echo $!").strip()
     time.sleep(0.5)
     common = writable(machine, nobody)

@@ -12,6 +12,7 @@ changes nothing anybody can see is named with its reason in survivors.py, and do
 """
 
 import concurrent.futures
+import hashlib
 import json
 import os
 import queue
@@ -34,6 +35,7 @@ from mutants.trial import SOURCE, Workshop
 FOLDER = parts.ROOT / "build/mutants"
 WORKSHOPS = 2
 CAUGHT_SHARE = 0.95
+JUDGES = ("simulated", "host", "receiver")
 # identity: the same in each run; text: the file with it; why: it may survive.
 Change = namedtuple("Change", "identity name file text why")
 
@@ -48,19 +50,28 @@ def linked():
                   | {"odid_daemon_main.c"})
 
 
-class Kept:
-    """What earlier runs found, but for what survived."""
+def judged():
+    """A hash of the sources and of what judges them: a verdict holds for these."""
+    seen = hashlib.sha256()
+    folders = (SOURCE / "src", SOURCE / "tests", *(parts.ROOT / "tests" / name for name in JUDGES))
+    for path in sorted(path for folder in folders for path in folder.rglob("*") if path.suffix in (".c", ".h", ".py")):
+        seen.update(f"{path.relative_to(parts.ROOT)}\n".encode() + path.read_bytes())
+    return seen.hexdigest()[:16]
 
-    def __init__(self, path):
-        self.path = path
+
+class Kept:
+    """What earlier runs found of the same sources and tests, but for what survived."""
+
+    def __init__(self, path, of):
+        self.path, self.of = path, of
         lines = path.read_text().splitlines() if path.exists() else []
         self.found = {tuple(one["change"]): (one["verdict"], one["by"]) for one in map(json.loads, lines)
-                      if one["verdict"] != "survived"}
+                      if one["verdict"] != "survived" and one.get("of") == of}
 
     def add(self, change, verdict, by):
         self.found[change] = verdict, by
         with open(self.path, "a") as out:
-            out.write(json.dumps({"change": change, "verdict": verdict, "by": by}) + "\n")
+            out.write(json.dumps({"of": self.of, "change": change, "verdict": verdict, "by": by}) + "\n")
 
 
 def changed(place):
@@ -96,7 +107,7 @@ def asked():
 
 def main():
     FOLDER.mkdir(parents=True, exist_ok=True)
-    changes, kept = asked(), Kept(FOLDER / "seen.jsonl")
+    changes, kept = asked(), Kept(FOLDER / "seen.jsonl", judged())
     to_try = [one for one in changes if one.identity not in kept.found and not one.why]
     workshops = queue.Queue()
     if to_try:

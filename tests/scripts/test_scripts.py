@@ -6,6 +6,7 @@ import os
 import re
 import signal
 import stat
+import struct
 import time
 from pathlib import Path
 
@@ -13,6 +14,19 @@ import pytest
 from patience import LIMIT_S, stays, wait_for
 
 from .root import KEY, NOTES, OVERLAY, ROOT
+
+
+def test_each_country_that_can_be_set_has_rules():
+    """By the database that the appliance's image has: 8 octets, then each country's two letters and where its rules are."""
+    database = next(iter(sorted(ROOT.glob("build/appliance/cache/root-*/lib/firmware/regulatory.db"))), None)
+    if database is None:
+        pytest.skip("the appliance isn't built (make appliance)")
+    octets = database.read_bytes()
+    assert octets[:4] == b"RGDB"
+    known = {country.decode() for country, rules in struct.iter_unpack(">2sH", octets[8:8 + 4 * 300]) if country.isalpha()}
+    source = (ROOT / "package/odid-daemon/src/config_appliance.c").read_text()
+    ours = set(re.search(r'countries\[\] =((?:\s*"[A-Z ]*")+);', source)[1].replace('"', " ").split())
+    assert len(ours) > 150 and ours <= known
 
 
 def test_each_service_is_supervised_and_each_supervised_one_exists():
@@ -240,6 +254,18 @@ def test_a_hostapd_started_in_maintenance_is_open(appliance):
     appliance.write("run/odid-appliance/maintenance", "on\n")
     made, key = hostapd(appliance)
     assert (made["max_num_sta"], key) == ("200", KEY)
+
+
+@pytest.mark.parametrize("in_force, fault", [("SE", False), ("00", True), ("98", True)])
+def test_a_country_that_is_not_in_force_is_a_fault(appliance, in_force, fault):
+    hostapd(appliance)
+    appliance.write("usr/bin/iw", f"#!/bin/sh\nprintf 'global\\ncountry {in_force}: DFS-ETSI\\n\\t(2400 - 2483 @ 40)\\n'\n")
+    (appliance.root / "usr/bin/iw").chmod(0o755)
+    appliance.must("/lib/odid/country")
+    assert (appliance.fault("country") is not None) == fault
+    appliance.write("usr/bin/iw", "#!/bin/sh\necho country SE: DFS-ETSI\n")
+    appliance.must("/lib/odid/country")
+    assert appliance.fault("country") is None
 
 
 # --- networks ---------------------------------------------------------------------------

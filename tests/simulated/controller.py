@@ -20,6 +20,7 @@ RESET, READ_FEATURES, CLEAR_SETS = 0x0C03, 0x2003, 0x203D
 SET_ADDRESS, SET_PARAMETERS, SET_DATA, ENABLE = 0x2005, 0x2006, 0x2008, 0x200A
 SET_EXTENDED_ADDRESS, SET_EXTENDED_PARAMETERS, SET_EXTENDED_DATA, ENABLE_EXTENDED = 0x2035, 0x2036, 0x2037, 0x2039
 SET_EXTENDED_PARAMETERS_V2 = 0x207F
+READ_MAXIMUM_DATA, MAXIMUM_DATA = 0x203A, 0x0672
 LEGACY = (SET_ADDRESS, SET_PARAMETERS, SET_DATA, ENABLE)
 EXTENDED = (SET_EXTENDED_ADDRESS, SET_EXTENDED_PARAMETERS, SET_EXTENDED_DATA, ENABLE_EXTENDED, CLEAR_SETS,
             SET_EXTENDED_PARAMETERS_V2)
@@ -104,6 +105,8 @@ class Controller:
             return OK, b""
         if opcode == READ_FEATURES:
             return OK, FEATURES_FULL if self.mode == "full" else bytes(8)
+        if opcode == READ_MAXIMUM_DATA and self.mode == "full":
+            return OK, MAXIMUM_DATA.to_bytes(2, "little")
         if opcode in LEGACY or (opcode in EXTENDED and self.mode == "full"):
             kind = LEGACY if opcode in LEGACY else EXTENDED
             if self.used not in (None, kind):

@@ -56,6 +56,7 @@ static size_t length_of(uint16_t opcode)
     switch (opcode) {
     case BLUETOOTH_RESET:
     case BLUETOOTH_READ_FEATURES:
+    case BLUETOOTH_READ_MAXIMUM_DATA:
     case BLUETOOTH_CLEAR_SETS:
         return 0;
     case BLUETOOTH_SET_ADDRESS:

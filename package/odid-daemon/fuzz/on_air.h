@@ -130,7 +130,7 @@ static inline void judge_legacy(const struct aircraft_view *view,
 static inline void judge_pack(const struct aircraft_view *view, struct messages_counter *counter)
 {
     uint8_t pack[MESSAGES_PACK_SIZE], data[MESSAGES_EXTENDED_SIZE], element[MESSAGES_ELEMENT_SIZE];
-    size_t size = messages_pack(view, pack);
+    size_t size = messages_pack(view, MESSAGES_PACK_MAX, pack);
     ODID_MessagePack_encoded encoded;
     ODID_UAS_Data uas;
 

@@ -14,7 +14,6 @@
 #define OPERATOR_MAX_M 9000.0
 /* Two places that are nearer than this are one, that moves. */
 #define SAME_PLACE_M 100.0
-#define METRES_PER_DEGREE 111320.0
 
 static enum aircraft_speaker speaker_of(const struct telemetry_update *update)
 {
@@ -147,10 +146,10 @@ bool aircraft_operators_differ(const struct aircraft *aircraft, int64_t now_us)
 {
     const struct aircraft_native_system *a = &aircraft->system[AIRCRAFT_SPEAKER_VEHICLE];
     const struct aircraft_native_system *b = &aircraft->system[AIRCRAFT_SPEAKER_GROUND];
-    double east_deg = (a->longitude_deg - b->longitude_deg) * cos(a->latitude_deg * M_PI / 180);
 
     return place_said(a, now_us) && place_said(b, now_us) &&
-           hypot(a->latitude_deg - b->latitude_deg, east_deg) * METRES_PER_DEGREE > SAME_PLACE_M;
+           aircraft_distance_m(a->latitude_deg, a->longitude_deg, b->latitude_deg,
+                               b->longitude_deg) > SAME_PLACE_M;
 }
 
 static void take_static_fields(struct aircraft_native_system *system,

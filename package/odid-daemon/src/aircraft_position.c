@@ -65,9 +65,18 @@ bool aircraft_fix_known(const struct aircraft *aircraft, int64_t now_us)
             aircraft->native_rated_us > aircraft->no_fix_us);
 }
 
+double aircraft_distance_m(double latitude_a_deg, double longitude_a_deg, double latitude_b_deg,
+                           double longitude_b_deg)
+{
+    double east_deg =
+        remainder(longitude_b_deg - longitude_a_deg, 360) * cos(latitude_a_deg * M_PI / 180);
+
+    return hypot(latitude_b_deg - latitude_a_deg, east_deg) * METRES_PER_DEGREE;
+}
+
 bool aircraft_near_zero(double latitude_deg, double longitude_deg)
 {
-    return hypot(latitude_deg, longitude_deg) * METRES_PER_DEGREE < ZERO_M;
+    return aircraft_distance_m(0, 0, latitude_deg, longitude_deg) < ZERO_M;
 }
 
 /* At 0,0 the receiver itself has to be there. */

@@ -5,7 +5,6 @@
 
 #include "aircraft_state.h"
 
-#define METRES_PER_DEGREE 111320.0
 /* An estimator is that far from its receiver at most, beside what the accuracies say, ... */
 #define APART_M 30.0
 #define ACCURACY_UNKNOWN_M 10.0
@@ -51,14 +50,6 @@ bool aircraft_receivers_heard(const struct aircraft *aircraft, int64_t now_us)
     return false;
 }
 
-static double distance_m(const struct aircraft_receiver *receiver, const struct aircraft_fix *fix)
-{
-    double east_deg = remainder(fix->longitude_deg - receiver->longitude_deg, 360) *
-                      cos(receiver->latitude_deg * M_PI / 180);
-
-    return hypot(fix->latitude_deg - receiver->latitude_deg, east_deg) * METRES_PER_DEGREE;
-}
-
 static void compare(const struct aircraft_receiver *receiver, struct aircraft_fix *fix,
                     double speed_mps, int64_t now_us)
 {
@@ -71,7 +62,8 @@ static void compare(const struct aircraft_receiver *receiver, struct aircraft_fi
     }
     limit_m = APART_M + 2 * accuracy_m +
               speed_mps * (DELAY_S + fabs((double)(now_us - fix->fix_us)) * 1e-6);
-    if (distance_m(receiver, fix) <= limit_m) {
+    if (aircraft_distance_m(receiver->latitude_deg, receiver->longitude_deg, fix->latitude_deg,
+                            fix->longitude_deg) <= limit_m) {
         fix->apart_us = INT64_MIN;
     } else if (fix->apart_us == INT64_MIN) {
         fix->apart_us = now_us;

@@ -95,6 +95,7 @@ static void open_adapter(struct bluetooth_adapter *adapter, int64_t now_us)
     adapter->awaited = 0;
     adapter->repair = STEP_ON_AIR;
     adapter->enabling_again = adapter->full = adapter->slow = false;
+    adapter->maximum_data = MESSAGES_EXTENDED_SIZE;
     for (int i = 0; i < BLUETOOTH_SETS; i++) {
         const struct bluetooth_advertising *set = &adapter->sets[i];
 
@@ -222,6 +223,13 @@ void bluetooth_set_legacy(const uint8_t data[MESSAGES_LEGACY_SIZE], int64_t now_
 void bluetooth_set_extended(const uint8_t *data, size_t length, int64_t now_us)
 {
     set_payload(BLUETOOTH_LONG_RANGE, data, length, now_us);
+}
+
+size_t bluetooth_extended_room(void)
+{
+    const struct bluetooth_adapter *adapter = adapter_with(BLUETOOTH_LONG_RANGE);
+
+    return adapter == NULL ? MESSAGES_EXTENDED_SIZE : adapter->maximum_data;
 }
 
 bool bluetooth_waits(enum channel channel)

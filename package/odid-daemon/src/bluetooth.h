@@ -28,6 +28,9 @@ void bluetooth_start(const struct config *config, struct radio *bt4, struct radi
 void bluetooth_set_legacy(const uint8_t data[MESSAGES_LEGACY_SIZE], int64_t now_us);
 void bluetooth_set_extended(const uint8_t *data, size_t length, int64_t now_us);
 
+/* How many octets the controller takes for long range; never too few for a pack of one message. */
+size_t bluetooth_extended_room(void);
+
 /* Whether what was set last for CHANNEL_BT4 or CHANNEL_BT5 still waits for the controller: what is
  * set now takes its place, and it was never on the air. */
 bool bluetooth_waits(enum channel channel);

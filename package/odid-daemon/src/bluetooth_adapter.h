@@ -25,6 +25,7 @@
 enum bluetooth_step {
     STEP_RESET,
     STEP_FEATURES,
+    STEP_MAXIMUM_DATA,
     STEP_DISABLE,
     STEP_CLEAR,
     STEP_LEGACY_PARAMETERS,
@@ -59,6 +60,7 @@ struct bluetooth_adapter {
     bool full;                  /* the controller takes no command for now */
     bool extended;              /* speaks extended commands, and only those */
     bool coding_selection;      /* S=8 can be asked for */
+    size_t maximum_data;        /* octets of extended advertising data that it takes */
     bool slow;                  /* refused 20 ms */
     bool reset_first;           /* the last set-up was refused */
     enum bluetooth_step repair; /* from where to set up again; STEP_ON_AIR: nothing to repair */

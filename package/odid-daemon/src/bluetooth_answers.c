@@ -59,6 +59,27 @@ static void take_features(struct bluetooth_adapter *adapter, const uint8_t *feat
     }
 }
 
+/* For one message it has to do. */
+static void take_maximum_data(struct bluetooth_adapter *adapter, const struct answer *answer,
+                              int64_t now_us)
+{
+    struct bluetooth_advertising *long_range = &adapter->sets[BLUETOOTH_LONG_RANGE];
+    size_t octets = answer->length < 2 ? MESSAGES_EXTENDED_SIZE
+                                       : answer->rest[0] | (size_t)answer->rest[1] << 8;
+
+    if (octets < MESSAGES_EXTENDED_EMPTY + MESSAGE_SIZE) {
+        long_range->possible = false;
+        radio_enter(long_range->radio, long_range->channel, RADIO_UNSUPPORTED,
+                    "this controller's extended advertising has no room for a pack", now_us);
+    } else if (octets < adapter->maximum_data) {
+        adapter->maximum_data = octets;
+        if (long_range->length > octets) { /* of before: another controller's */
+            long_range->length = 0;
+            long_range->pending = false;
+        }
+    }
+}
+
 /* Says that a controller isn't able, rather than that it isn't in the mood. */
 static bool is_inability(uint8_t status)
 {
@@ -85,6 +106,20 @@ static bool give_up_long_range(struct bluetooth_adapter *adapter, const struct a
     return true;
 }
 
+/* A pack of one message less, which is still to be made. */
+static bool take_smaller_pack(struct bluetooth_adapter *adapter)
+{
+    struct bluetooth_advertising *long_range = &adapter->sets[BLUETOOTH_LONG_RANGE];
+
+    if (long_range->length < MESSAGES_EXTENDED_EMPTY + 2 * MESSAGE_SIZE) {
+        return false;
+    }
+    adapter->maximum_data = long_range->length - MESSAGE_SIZE;
+    long_range->length = 0;
+    long_range->pending = false;
+    return true;
+}
+
 /* Asks for less after a refusal. Returns false when there is nothing less. */
 static bool ask_for_less(struct bluetooth_adapter *adapter, const struct answer *answer,
                          int64_t now_us)
@@ -98,6 +133,9 @@ static bool ask_for_less(struct bluetooth_adapter *adapter, const struct answer 
     }
     if (adapter->step == STEP_LONG_RANGE_PARAMETERS && adapter->coding_selection) {
         adapter->coding_selection = false;
+        return true;
+    }
+    if (adapter->step == STEP_LONG_RANGE_DATA && take_smaller_pack(adapter)) {
         return true;
     }
     return give_up_long_range(adapter, answer, now_us);
@@ -121,6 +159,12 @@ static void come_on_air(struct bluetooth_adapter *adapter, int64_t now_us)
         } else {
             snprintf(detail, sizeof(detail), "%s, Coded PHY%s, every 200 ms", adapter->name,
                      adapter->coding_selection ? " S=8 requested" : "");
+            if (adapter->maximum_data < MESSAGES_EXTENDED_SIZE) {
+                size_t length = strlen(detail);
+
+                snprintf(detail + length, sizeof(detail) - length, ", %zu octets at most",
+                         adapter->maximum_data);
+            }
         }
         radio_enter(set->radio, set->channel, RADIO_ON_AIR, detail, now_us);
         /* Enabled again, the controller sends what it has at once. Held anew, that would go out
@@ -136,8 +180,9 @@ static void take_step_answer(struct bluetooth_adapter *adapter, const struct ans
                              int64_t now_us)
 {
     if (answer->status != BLUETOOTH_SUCCESS) {
-        /* Nothing to disable, no sets to clear: as good as done. */
-        if (adapter->step == STEP_DISABLE || adapter->step == STEP_CLEAR) {
+        /* Nothing to disable, no sets to clear, no word of a bound: as good as done. */
+        if (adapter->step == STEP_DISABLE || adapter->step == STEP_CLEAR ||
+            adapter->step == STEP_MAXIMUM_DATA) {
             adapter->step++;
         } else if (adapter->enabling_again) {
             adapter->enabling_again = false;
@@ -153,6 +198,8 @@ static void take_step_answer(struct bluetooth_adapter *adapter, const struct ans
             return;
         }
         take_features(adapter, answer->rest, now_us);
+    } else if (adapter->step == STEP_MAXIMUM_DATA) {
+        take_maximum_data(adapter, answer, now_us);
     } else if (adapter->step == STEP_ENABLE) {
         come_on_air(adapter, now_us);
         adapter->enabling_again = false;

@@ -96,6 +96,8 @@ static bool needed(const struct bluetooth_adapter *adapter, enum bluetooth_step 
         return adapter->hci.h4 || adapter->reset_first;
     case STEP_CLEAR:
         return adapter->extended;
+    case STEP_MAXIMUM_DATA:
+        return adapter->sets[BLUETOOTH_LONG_RANGE].possible;
     case STEP_LEGACY_PARAMETERS:
     case STEP_LEGACY_ADDRESS:
     case STEP_LEGACY_DATA:
@@ -125,6 +127,9 @@ static void send_step(struct bluetooth_adapter *adapter, int64_t now_us)
         break;
     case STEP_FEATURES:
         command(adapter, BLUETOOTH_READ_FEATURES, NULL, 0, now_us);
+        break;
+    case STEP_MAXIMUM_DATA:
+        command(adapter, BLUETOOTH_READ_MAXIMUM_DATA, NULL, 0, now_us);
         break;
     case STEP_DISABLE:
         send_enable(adapter, false, now_us);
@@ -222,7 +227,7 @@ void bluetooth_advance(struct bluetooth_adapter *adapter, int64_t now_us)
     while (adapter->step < STEP_ON_AIR && !needed(adapter, adapter->step)) {
         adapter->step++;
     }
-    if (adapter->step > STEP_FEATURES && !adapter->sets[BLUETOOTH_LEGACY].possible &&
+    if (adapter->step > STEP_MAXIMUM_DATA && !adapter->sets[BLUETOOTH_LEGACY].possible &&
         !adapter->sets[BLUETOOTH_LONG_RANGE].possible) {
         return; /* nothing of what is wanted can be done here */
     }

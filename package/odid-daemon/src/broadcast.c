@@ -57,10 +57,11 @@ static void set_legacy(const struct aircraft_view *view, enum message_type type,
     }
 }
 
-static void set_extended(const uint8_t *pack, size_t pack_size, int64_t now_us)
+/* The fullest pack that the controller takes. */
+static void set_extended(const struct aircraft_view *view, int64_t now_us)
 {
-    uint8_t data[MESSAGES_EXTENDED_SIZE];
-    size_t size;
+    uint8_t pack[MESSAGES_PACK_SIZE], data[MESSAGES_EXTENDED_SIZE];
+    size_t room = bluetooth_extended_room(), pack_size, size;
 
     if (!self.config->bt5_enabled) {
         return;
@@ -68,6 +69,8 @@ static void set_extended(const uint8_t *pack, size_t pack_size, int64_t now_us)
     if (bluetooth_waits(CHANNEL_BT5)) {
         self.counters.extended = self.before.extended;
     }
+    pack_size =
+        messages_pack(view, (unsigned)((room - MESSAGES_EXTENDED_EMPTY) / MESSAGE_SIZE), pack);
     self.extended_us = now_us;
     self.before.extended = self.counters.extended;
     size = messages_extended(&self.counters.extended, pack, pack_size, data);
@@ -127,13 +130,13 @@ static void on_slot(void *context, int64_t now_us)
         self.legacy_fix_us = view.location.fix_us;
     }
     set_legacy(&view, entry.type, entry.index, now_us);
-    pack_size = messages_pack(&view, pack);
+    pack_size = messages_pack(&view, MESSAGES_PACK_MAX, pack);
     if (now_us - self.beacon_us >= BEACON_US) {
         self.beacon_fix_us = view.location.fix_us;
         set_beacon(pack, pack_size, now_us);
     }
     if (now_us - self.extended_us >= EXTENDED_US) {
-        set_extended(pack, pack_size, now_us);
+        set_extended(&view, now_us);
     }
     keep_counters();
     loop_arm(&self.slot, entry.until_us);
@@ -145,7 +148,7 @@ static void renew_beacon(const struct aircraft_view *view, int64_t now_us)
 
     if (now_us - self.beacon_us >= BEACON_US && view->location.fix_us > self.beacon_fix_us) {
         self.beacon_fix_us = view->location.fix_us;
-        set_beacon(pack, messages_pack(view, pack), now_us);
+        set_beacon(pack, messages_pack(view, MESSAGES_PACK_MAX, pack), now_us);
         keep_counters();
     }
 }

@@ -120,9 +120,48 @@ const struct config_rule config_rule_ground_station = {
 
 /* ---- [wifi] ---- */
 
+/* Those of which the regulatory database (wireless-regdb 2026.05.30) has rules: with another one
+ * the kernel stays at "world", and hostapd waits for the country at each start. */
+static const char countries[] = "AD AE AF AI AL AM AN AR AS AT AU AW AZ "
+                                "BA BB BD BE BF BG BH BL BM BN BO BR BS BT BW BY BZ "
+                                "CA CF CH CI CL CN CO CR CU CX CY CZ "
+                                "DE DK DM DO DZ "
+                                "EC EE EG ES ET "
+                                "FI FM FO FR "
+                                "GB GD GE GF GH GI GL GP GR GT GU GY "
+                                "HK HN HR HT HU "
+                                "ID IE IL IM IN IR IS IT "
+                                "JM JO JP "
+                                "KE KH KN KP KR KW KY KZ "
+                                "LB LC LI LK LS LT LU LV "
+                                "MA MC MD ME MF MH MK MN MO MP MQ MR MT MU MV MW MX MY "
+                                "NA NG NI NL NO NP NZ "
+                                "OM "
+                                "PA PE PF PG PH PK PL PM PR PT PW PY "
+                                "QA "
+                                "RE RO RS RU RW "
+                                "SA SE SG SI SK SM SN SR SV SX SY "
+                                "TC TD TG TH TN TR TT TW TZ "
+                                "UA UG US UY UZ "
+                                "VA VC VE VI VN VU "
+                                "WF WS "
+                                "YE YT "
+                                "ZA ZW";
+
 static bool is_country(const char *text)
 {
-    return strlen(text) == 2 && isalpha((unsigned char)text[0]) && isalpha((unsigned char)text[1]);
+    const char *at = countries;
+
+    if (strlen(text) != 2 || !isalpha((unsigned char)text[0]) || !isalpha((unsigned char)text[1])) {
+        return false;
+    }
+    while (strncasecmp(at, text, 2) != 0) {
+        if (strlen(at) < 4) {
+            return false;
+        }
+        at += 3;
+    }
+    return true;
 }
 
 static bool take_country(const struct config_rule *rule, void *field, struct config_value *value)
@@ -137,11 +176,13 @@ static bool take_country(const struct config_rule *rule, void *field, struct con
     return true;
 }
 
-const struct config_rule config_rule_country = {.take = take_country,
-                                                .show = config_text_show,
-                                                .expected = "a country's two letters, such as SE",
-                                                .size = 3,
-                                                .valid = is_country};
+const struct config_rule config_rule_country = {
+    .take = take_country,
+    .show = config_text_show,
+    .expected = "the two letters of a country, such as SE, or GB "
+                "(not UK, not EU)",
+    .size = 3,
+    .valid = is_country};
 
 #define CHANNEL_MAX 11 /* 12 and 13 are not heard everywhere */
 

@@ -61,8 +61,9 @@ bool health_required(const struct health_input *input, enum channel channel)
 {
     enum radio_state state = input->radios[channel].state;
 
-    return switched_on(input->config, channel) && state != RADIO_UNSUPPORTED &&
-           state != RADIO_DISABLED;
+    /* One that was on the air and isn't any more is missed, whatever its state is called. */
+    return switched_on(input->config, channel) && state != RADIO_DISABLED &&
+           (state != RADIO_UNSUPPORTED || input->radios[channel].starts > 0);
 }
 
 static bool on_air(const struct health_input *input, enum channel channel)

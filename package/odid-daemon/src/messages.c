@@ -289,21 +289,42 @@ bool messages_legacy(struct messages_counters *counters, const struct aircraft_v
     return true;
 }
 
-size_t messages_pack(const struct aircraft_view *view, uint8_t pack[MESSAGES_PACK_SIZE])
+/* What goes first where there isn't room for all; part of a signature proves nothing. A position
+ * without a serial number is nobody's, so these two stay. */
+static void make_room(unsigned counts[MESSAGE_TYPES], unsigned most)
 {
-    uint8_t *message = pack + 3;
-    unsigned others = 0;
+    static const struct {
+        enum message_type type;
+        unsigned left;
+    } order[] = {{MESSAGE_AUTHENTICATION, 0}, {MESSAGE_SELF_ID, 0},     {MESSAGE_BASIC_ID, 1},
+                 {MESSAGE_SYSTEM, 0},         {MESSAGE_OPERATOR_ID, 0}, {MESSAGE_BASIC_ID, 0}};
+    unsigned total = 0;
 
     for (enum message_type type = 0; type < MESSAGE_TYPES; type++) {
-        others += type == MESSAGE_AUTHENTICATION ? 0 : messages_available(view, type);
+        total += counts[type];
     }
-    for (enum message_type type = 0; type < MESSAGE_TYPES; type++) {
-        unsigned count = messages_available(view, type);
+    for (size_t i = 0; total > most && i < sizeof(order) / sizeof(order[0]); i++) {
+        unsigned *count = &counts[order[i].type];
 
-        if (type == MESSAGE_AUTHENTICATION && others + count > MESSAGES_PACK_MAX) {
-            continue; /* part of a signature proves nothing */
+        if (*count > order[i].left) {
+            total -= *count - order[i].left;
+            *count = order[i].left;
         }
-        for (unsigned index = 0; index < count; index++) {
+    }
+}
+
+size_t messages_pack(const struct aircraft_view *view, unsigned most,
+                     uint8_t pack[MESSAGES_PACK_SIZE])
+{
+    unsigned counts[MESSAGE_TYPES];
+    uint8_t *message = pack + 3;
+
+    for (enum message_type type = 0; type < MESSAGE_TYPES; type++) {
+        counts[type] = messages_available(view, type);
+    }
+    make_room(counts, most < MESSAGES_PACK_MAX ? most : MESSAGES_PACK_MAX);
+    for (enum message_type type = 0; type < MESSAGE_TYPES; type++) {
+        for (unsigned index = 0; index < counts[type]; index++) {
             if (messages_encode(view, type, index, message)) {
                 message += MESSAGE_SIZE;
             }

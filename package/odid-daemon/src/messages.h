@@ -22,6 +22,7 @@
 #define MESSAGES_PACK_SIZE (3 + MESSAGES_PACK_MAX * MESSAGE_SIZE)
 /* <length> 16 FA FF 0D <counter> <pack>: extended advertising data. */
 #define MESSAGES_EXTENDED_SIZE (6 + MESSAGES_PACK_SIZE)
+#define MESSAGES_EXTENDED_EMPTY (6 + 3) /* of a pack without messages */
 /* DD <length> FA 0B BC 0D <counter> <pack>: an 802.11 vendor specific element. */
 #define MESSAGES_ELEMENT_SIZE (7 + MESSAGES_PACK_SIZE)
 
@@ -69,11 +70,13 @@ bool messages_legacy(struct messages_counters *counters, const struct aircraft_v
                      enum message_type type, unsigned index, uint8_t data[MESSAGES_LEGACY_SIZE]);
 
 /*
- * Encodes all messages of the view as a pack, in the order of their types.
- * Authentication pages are in it only when all of them fit (9 messages).
+ * Encodes all messages of the view as a pack, in the order of their types, at
+ * most so many (1..MESSAGES_PACK_MAX). Authentication pages are in it only when
+ * all of them fit, and are the first to be left out; Location is in it always.
  * Returns the number of bytes.
  */
-size_t messages_pack(const struct aircraft_view *view, uint8_t pack[MESSAGES_PACK_SIZE]);
+size_t messages_pack(const struct aircraft_view *view, unsigned most,
+                     uint8_t pack[MESSAGES_PACK_SIZE]);
 
 /*
  * Wraps a pack for extended advertising or for a beacon. counter belongs to

@@ -50,6 +50,9 @@ struct fake_controller {
     unsigned interval_min; /* 0.625 ms */
     unsigned sets_max;
     bool refuses_coding;
+    uint16_t maximum_data; /* octets of advertising data that it says it takes; 0: it doesn't know
+                              the command */
+    size_t takes;          /* that it does take */
     /* faults */
     bool mute, holds, no_room; /* no answer; no answer yet; answers, but takes no more */
     uint16_t refused;          /* a command that is refused once, ... */
@@ -91,6 +94,9 @@ static void fake_complete(struct fake_controller *fake, uint16_t opcode, uint8_t
     if (opcode == 0x2003) {
         memcpy(event + 7, &fake->features, 8); /* little-endian, as we are */
         length = 15;
+    } else if (opcode == 0x203A && status == 0) {
+        memcpy(event + 7, &fake->maximum_data, 2);
+        length = 9;
     } else if (opcode == 0x2036 || opcode == 0x207F) {
         length = 8;
     }
@@ -200,7 +206,12 @@ static uint8_t fake_extended(struct fake_controller *fake, uint16_t opcode, cons
     case 0x2036:
     case 0x207F:
         return fake_set_extended_parameters(fake, p, length);
+    case 0x203A:
+        return fake->maximum_data == 0 ? 0x01 : 0;
     case 0x2037:
+        if (p[3] > fake->takes) {
+            return 0x45;
+        }
         set->length = p[3];
         memcpy(set->data, p + 4, p[3]);
         return set->known && p[1] == 3 ? 0 : 0x42;
@@ -238,6 +249,7 @@ static uint8_t fake_obey(struct fake_controller *fake, uint16_t opcode, const ui
     case 0x2036:
     case 0x2037:
     case 0x2039:
+    case 0x203A:
     case 0x203D:
     case 0x207F:
         return fake_extended(fake, opcode, p, length);
@@ -376,6 +388,8 @@ static void fake_start(struct fake_controller *fake, uint64_t features)
     memset(fake, 0, sizeof(*fake));
     fake->watch.fd = -1;
     fake->features = features;
+    fake->maximum_data = 0x0672;
+    fake->takes = 251;
     fake->interval_min = 0x20;
     fake->sets_max = 2;
     while (fakes[place] != NULL && fakes[place] != fake) {

@@ -31,6 +31,7 @@ struct frame {
 FRAME_FUNCTION(heartbeat)
 FRAME_FUNCTION(system_time)
 FRAME_FUNCTION(gps_raw_int)
+FRAME_FUNCTION(statustext)
 FRAME_FUNCTION(attitude)
 FRAME_FUNCTION(global_position_int)
 FRAME_FUNCTION(home_position)

@@ -198,6 +198,45 @@ static void an_emergency_counts_from_whichever_source(void **state)
     assert_int_equal(view.location.status_source, SOURCE_TELEMETRY);
 }
 
+static void hardware_in_the_loop_is_known_as_such(void **state)
+{
+    struct telemetry_update update = update_of(TELEMETRY_HEARTBEAT);
+
+    (void)state;
+    fly(5);
+    assert_false(condition.simulated);
+    update.heartbeat.mav_type = sim.mav_type;
+    update.heartbeat.base_mode = MAV_MODE_FLAG_HIL_ENABLED | MAV_MODE_FLAG_SAFETY_ARMED;
+    give(&update);
+    look();
+    assert_true(condition.simulated);
+    fly(2);
+    assert_false(condition.simulated);
+}
+
+/* Two take turns, and one of them says emergency. */
+static void in_doubt_one_word_is_no_emergency(void **state)
+{
+    struct telemetry_update update = update_of(TELEMETRY_HEARTBEAT);
+
+    (void)state;
+    arm(true);
+    fly(5);
+    update.heartbeat.mav_type = sim.mav_type;
+    update.heartbeat.base_mode = MAV_MODE_FLAG_SAFETY_ARMED;
+    update.heartbeat.doubtful = true;
+    for (unsigned i = 0; i < 20; i++) {
+        update.heartbeat.system_status = i % 2 ? MAV_STATE_EMERGENCY : MAV_STATE_ACTIVE;
+        give(&update);
+        look();
+        assert_false(condition.emergency);
+        now_us += SECOND / 2;
+    }
+    give(&update); /* the same again */
+    look();
+    assert_true(condition.emergency);
+}
+
 /* It lies there, disarmed, and by its landed state on the ground. */
 static void a_crash_is_an_emergency_until_it_is_armed_again(void **state)
 {
@@ -371,6 +410,8 @@ int main(void)
         cmocka_unit_test_setup(a_landed_state_that_stopped_gives_way_to_the_armed_bit, begin_setup),
         cmocka_unit_test_setup(an_emergency_is_said_and_over_when_it_is_over, begin_setup),
         cmocka_unit_test_setup(an_emergency_without_a_position_is_an_emergency, begin_setup),
+        cmocka_unit_test_setup(hardware_in_the_loop_is_known_as_such, begin_setup),
+        cmocka_unit_test_setup(in_doubt_one_word_is_no_emergency, begin_setup),
         cmocka_unit_test_setup(a_crash_is_an_emergency_until_it_is_armed_again, begin_setup),
         cmocka_unit_test_setup(a_lost_heartbeat_is_a_remote_id_failure_after_3_s, begin_setup),
         cmocka_unit_test_setup(a_lost_heartbeat_keeps_a_position_that_still_comes, begin_setup),

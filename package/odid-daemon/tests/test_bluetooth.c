@@ -53,6 +53,56 @@ static void a_capable_controller_carries_both_as_two_sets(void **state)
     assert_non_null(strstr(bt5.detail, "Coded PHY S=8 requested"));
 }
 
+static void give_extended(size_t octets)
+{
+    pack[0] = (uint8_t)(octets - 1);
+    bluetooth_set_extended(pack, octets, loop_now_us());
+}
+
+/* Such chips exist: long range was given up for good, and nobody was told. */
+static void a_controller_with_less_room_is_given_a_smaller_pack(void **state)
+{
+    (void)state;
+    start(CAPABLE);
+    fake.maximum_data = 191;
+    fake.takes = 191;
+    begin();
+    set_legacy(1);
+    set_extended(1); /* made before that was known */
+    run_ms(100);
+    assert_int_equal(bluetooth_extended_room(), 191);
+    assert_int_equal(count_since(0, 0x2037), 1); /* the legacy one's */
+    give_extended(9 + 7 * 25);
+    assert_true(loop_until(both_on_air, 1000));
+    assert_int_equal(fake.sets[1].length, 9 + 7 * 25);
+    assert_non_null(strstr(bt5.detail, "191 octets at most"));
+    assert_int_equal(bt5.failures, 0);
+}
+
+/* It knows no such command, or says more than it takes. */
+static void a_controller_that_refuses_a_pack_is_given_a_smaller_one(void **state)
+{
+    (void)state;
+    for (uint16_t said = 0; said <= 0x0672; said += 0x0672) {
+        start(CAPABLE);
+        fake.maximum_data = said;
+        fake.takes = 191;
+        begin();
+        set_legacy(1);
+        for (size_t room = 0; room != bluetooth_extended_room();) {
+            room = bluetooth_extended_room();
+            give_extended(9 + (room - 9) / 25 * 25);
+            run_ms(300);
+        }
+        assert_int_equal(fake.sets[1].length, 9 + 7 * 25);
+        assert_true(both_on_air());
+        assert_int_equal(bt5.state, RADIO_ON_AIR);
+        if (said == 0) {
+            end(state);
+        }
+    }
+}
+
 static void a_capable_controller_never_gets_a_legacy_command(void **state)
 {
     (void)state;
@@ -327,6 +377,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(a_capable_controller_carries_both_as_two_sets),
         TEST(a_capable_controller_never_gets_a_legacy_command),
+        TEST(a_controller_with_less_room_is_given_a_smaller_pack),
+        TEST(a_controller_that_refuses_a_pack_is_given_a_smaller_one),
         TEST(without_coding_selection_the_first_version_is_used),
         TEST(a_controller_that_only_claims_coding_selection_still_transmits),
         TEST(a_legacy_controller_never_gets_an_extended_command),

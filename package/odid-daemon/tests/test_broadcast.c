@@ -87,6 +87,11 @@ void bluetooth_set_extended(const uint8_t *data, size_t length, int64_t now_us)
     (void)now_us;
 }
 
+size_t bluetooth_extended_room(void)
+{
+    return MESSAGES_EXTENDED_SIZE;
+}
+
 bool bluetooth_waits(enum channel channel)
 {
     (void)channel;

@@ -228,7 +228,7 @@ static void the_longest_wraps_fit_their_length_bytes(void **state)
     (void)state;
     add_second_basic_id(&view);
     add_authentication(&view, 3);
-    size = messages_pack(&view, pack);
+    size = messages_pack(&view, MESSAGES_PACK_MAX, pack);
     assert_int_equal(size, 3 + 9 * 25);
     assert_int_equal(messages_extended(&extended, pack, size, data), 234);
     assert_memory_equal(data, extended_head, sizeof(extended_head));
@@ -246,7 +246,7 @@ static void a_short_pack_has_short_wraps(void **state)
 
     (void)state;
     memset(&view, 0, sizeof(view));
-    size = messages_pack(&view, pack);
+    size = messages_pack(&view, MESSAGES_PACK_MAX, pack);
     assert_int_equal(size, 3 + 2 * 25); /* Location and System */
     assert_int_equal(messages_extended(&counter, pack, size, data), 6 + size);
     assert_int_equal(data[0], 5 + size);
@@ -266,7 +266,7 @@ static void a_pack_is_in_the_order_of_types_and_decodes(void **state)
     (void)state;
     add_second_basic_id(&view);
     add_authentication(&view, 3);
-    assert_int_equal(messages_pack(&view, pack), sizeof(pack));
+    assert_int_equal(messages_pack(&view, MESSAGES_PACK_MAX, pack), sizeof(pack));
     assert_int_equal(pack[0], 0xF2);
     assert_int_equal(pack[1], 25);
     assert_int_equal(pack[2], 9);
@@ -298,7 +298,7 @@ static void authentication_is_left_out_of_a_pack_when_it_does_not_fit(void **sta
             }
             add_authentication(&view, pages);
             count = others + pages <= 9 ? others + pages : others;
-            assert_int_equal(messages_pack(&view, pack), 3 + 25 * count);
+            assert_int_equal(messages_pack(&view, MESSAGES_PACK_MAX, pack), 3 + 25 * count);
             assert_int_equal(pack[2], count);
         }
     }
@@ -334,7 +334,7 @@ static void every_single_bit_of_content_steps_the_counter(void **state)
 {
     struct messages_counter counter = {0};
     uint8_t pack[MESSAGES_PACK_SIZE], data[MESSAGES_EXTENDED_SIZE];
-    size_t size = messages_pack(&view, pack);
+    size_t size = messages_pack(&view, MESSAGES_PACK_MAX, pack);
     uint8_t last;
 
     (void)state;
@@ -386,7 +386,7 @@ static void each_channel_counts_its_own_packs(void **state)
         size_t size;
 
         view.location.timestamp_s = i;
-        size = messages_pack(&view, pack);
+        size = messages_pack(&view, MESSAGES_PACK_MAX, pack);
         messages_extended(&extended, pack, size, data);
         assert_int_equal(data[5], (uint8_t)i);
         if (i % 2 == 0) {
@@ -396,9 +396,49 @@ static void each_channel_counts_its_own_packs(void **state)
     }
 }
 
+/* A controller's advertising data may have room for fewer messages. */
+static void what_has_no_room_is_left_out_in_order(void **state)
+{
+    static const struct {
+        unsigned most;
+        uint8_t types[MESSAGES_PACK_MAX];
+    } expected[] = {
+        {9, {0, 0, 1, 2, 2, 2, 3, 4, 5}},
+        {8, {0, 0, 1, 3, 4, 5}},
+        {6, {0, 0, 1, 3, 4, 5}},
+        {5, {0, 0, 1, 4, 5}},
+        {4, {0, 1, 4, 5}},
+        {3, {0, 1, 5}},
+        {2, {0, 1}},
+        {1, {1}},
+    };
+    uint8_t pack[MESSAGES_PACK_SIZE];
+
+    (void)state;
+    view = full_view();
+    view.basic_ids = 2;
+    view.basic_id[1] = view.basic_id[0];
+    view.auth_pages = 3;
+    for (unsigned page = 0; page < 3; page++) {
+        view.auth[page] = (struct aircraft_auth_page){
+            .type = 1, .page = (uint8_t)page, .last_page = 2, .length = 60};
+    }
+    for (size_t i = 0; i < sizeof(expected) / sizeof(expected[0]); i++) {
+        size_t size = messages_pack(&view, expected[i].most, pack);
+
+        assert_in_range(pack[2], 1, expected[i].most);
+        assert_int_equal(size, 3 + 25 * pack[2]);
+        for (unsigned j = 0; j < pack[2]; j++) {
+            assert_int_equal(pack[3 + 25 * j] >> 4, expected[i].types[j]);
+        }
+        assert_true(pack[2] == 9 || expected[i].types[pack[2]] == 0);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(what_has_no_room_is_left_out_in_order),
         cmocka_unit_test_setup(basic_id_bytes, setup),
         cmocka_unit_test_setup(location_bytes, setup),
         cmocka_unit_test_setup(location_bytes_when_nothing_is_known, setup),

@@ -115,7 +115,8 @@ static void wrong_values_change_nothing(void **state)
     } cases[] = {
         {"wifi.channel", "14", "[wifi] channel = \"14\": expected 1-11; using 6\n"},
         {"wifi.channel", "", "expected 1-11"},
-        {"wifi.country", "Norge", "expected a country's two letters, such as SE; using NO"},
+        {"wifi.country", "Norge",
+         "expected the two letters of a country, such as SE, or GB (not UK, not EU); using NO"},
         {"system.operator_latitude", "57,7", "write 57.7, with a point"},
         {"system.operator_latitude", "91", "degrees from -90 to 90"},
         {"self_id.description", "123456789012345678901234", "24 characters long, 23 fit"},

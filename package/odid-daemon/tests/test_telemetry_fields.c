@@ -173,6 +173,20 @@ static void the_separation_is_exact_at_the_extremes(void **state)
     assert_near(latest()->gps_raw.separation_m, 4294967.295);
 }
 
+static void a_crash_is_read_of_the_autopilots_text(void **state)
+{
+    mavlink_statustext_t text = {.severity = MAV_SEVERITY_EMERGENCY, .text = "Crash: Disarming"};
+
+    (void)state;
+    assert_int_equal(feed(frame_statustext(VEHICLE, AUTOPILOT, &text)), 1);
+    assert_int_equal(latest()->kind, TELEMETRY_CRASHED);
+    text.severity = MAV_SEVERITY_CRITICAL;
+    assert_int_equal(feed(frame_statustext(VEHICLE, AUTOPILOT, &text)), 0);
+    text.severity = MAV_SEVERITY_EMERGENCY;
+    strcpy(text.text, "No crash");
+    assert_int_equal(feed(frame_statustext(VEHICLE, AUTOPILOT, &text)), 0);
+}
+
 static void home_and_landed_state_are_read(void **state)
 {
     const mavlink_home_position_t home = {
@@ -334,6 +348,7 @@ int main(void)
         cmocka_unit_test_setup(a_mavlink_1_gps_message_has_no_accuracies, setup),
         cmocka_unit_test_setup(the_separation_is_exact_at_the_extremes, setup),
         cmocka_unit_test_setup(home_and_landed_state_are_read, setup),
+        cmocka_unit_test_setup(a_crash_is_read_of_the_autopilots_text, setup),
         cmocka_unit_test_setup(a_native_location_comes_in_degrees_metres_and_up_positive, setup),
         cmocka_unit_test_setup(each_native_unknown_is_unknown, setup),
         cmocka_unit_test_setup(the_last_native_values_before_unknown_are_values, setup),

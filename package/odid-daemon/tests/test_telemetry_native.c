@@ -146,6 +146,25 @@ static void a_ground_station_gives_no_identity_to_an_aircraft_that_has_one(void 
     assert_true(accepted(native(SYSTEM, GROUND_STATION, 190, 0, 0)));
 }
 
+/* ArduPilot says an empty one when nobody has filled it. */
+static void an_empty_identity_is_none(void **state)
+{
+    const mavlink_open_drone_id_basic_id_t empty = {.id_type = 1};
+
+    (void)state;
+    assert_int_equal(feed(frame_open_drone_id_basic_id(VEHICLE, AUTOPILOT, &empty)), 0);
+    assert_true(accepted(native(BASIC_ID, GROUND_STATION, 190, 0, 0)));
+}
+
+/* One page of its own took the vehicle's Authentication off the air. */
+static void a_ground_station_proves_nothing_for_a_vehicle_that_does(void **state)
+{
+    (void)state;
+    assert_true(accepted(native(AUTHENTICATION, GROUND_STATION, 190, 0, 0)));
+    assert_true(accepted(native(AUTHENTICATION, VEHICLE, AUTOPILOT, 0, 0)));
+    assert_false(accepted(native(AUTHENTICATION, GROUND_STATION, 190, 0, 0)));
+}
+
 static void other_systems_are_ignored(void **state)
 {
     (void)state;
@@ -395,6 +414,8 @@ int main(void)
         cmocka_unit_test_setup(texts_come_at_full_length, setup),
         cmocka_unit_test_setup(a_binary_id_keeps_its_zeros, setup),
         cmocka_unit_test_setup(empty_messages_are_absent, setup),
+        cmocka_unit_test_setup(an_empty_identity_is_none, setup),
+        cmocka_unit_test_setup(a_ground_station_proves_nothing_for_a_vehicle_that_does, setup),
         cmocka_unit_test_setup(an_empty_description_is_one, setup),
         cmocka_unit_test_setup(a_system_message_is_read, setup),
         cmocka_unit_test_setup(a_system_update_is_read, setup),
