@@ -213,13 +213,17 @@ def test_the_ground_station_is_heard_by_its_own_way_only(appliance, address, dro
     """A USB adapter's DHCP server took its network, and answers to its address were taken from there."""
     appliance.settings(ground_station__address=address)
     rule = 'insert rule inet odid input ip saddr 10.0.0.9 iifname != { "lo", "eth0" } counter drop'
-    assert (rule in loaded(appliance)) == drops
+    rate = ('insert rule inet odid input iifname "eth0" ip saddr 10.0.0.9 meta l4proto udp limit rate over 60 kbytes/second '
+            'burst 8 kbytes counter drop')
+    rules = loaded(appliance)
+    assert (rule in rules) == (rate in rules) == drops
+    assert 'insert rule inet odid input ip daddr 192.168.41.0/24 iifname != { "lo", "wlan0" } counter drop' in rules
 
 
 def test_only_mavlink_router_speaks_to_another_program(appliance):
     """Any process took its telemetry, and spoke as the daemon, by a datagram to its port."""
     rules = loaded(appliance)
-    assert 'oifname "lo" meta l4proto udp ct state new meta skuid != "mavlink" counter drop' in rules
+    assert 'oifname "lo" meta l4proto udp ct direction original meta skuid != "mavlink" counter drop' in rules
     assert 'add rule inet odid output meta skuid mavlink oifname != lo oifname != "eth0" counter drop' in rules
     assert "-u mavlink:" in appliance.read("etc/sv/mavlink-router/run")
 

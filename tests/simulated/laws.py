@@ -22,6 +22,7 @@ GOOD_S = 3.6  # "good to arm" stands for so long after the last newer position t
 BAD_S = 2.5  # and isn't said again for so long after all is well
 TOLD_S = 1.3  # it is told each second
 FAILURE, FAILURE_S = 4, 3.9  # Location's status; the autopilot's last word may be a second old
+REPEATED_S = 0.25  # until the next payload a radio says the last one again
 GAP_S = 3.0  # a silence that long is in the record, ...
 RECORD_S = 2.5  # ... whose looks are a second apart
 # What the daemon may cost.
@@ -94,7 +95,8 @@ def failure_is_said(flight, judgement):
         for where, location in track.of_type("location"):
             at_s = seconds(where.reception.mono)
             if location.status == FAILURE and not any(
-                    one.fault.channels == ALL and one.begin_s <= at_s <= one.back_s + one.fault.limit_s + late_s for one in there):
+                    one.fault.channels == ALL and one.begin_s <= at_s <= one.back_s + one.fault.limit_s + REPEATED_S + late_s
+                    for one in there):
                 yield f"{track.channel}: Remote ID system failure at {at_s:.3f} s, and nothing was wrong"
             if location.status != FAILURE and any(
                     one.fault.no_position and one.begin_s + FAILURE_S + late_s < at_s < one.back_s for one in there):

@@ -9,6 +9,7 @@
 #include "identifiers.h"
 
 #define SAME_FLIGHT_US 60000000
+#define CRASH_DISARMS_US 10000000
 
 struct aircraft *aircraft_init(const struct config *config, int64_t start_us)
 {
@@ -98,7 +99,7 @@ static void forget_before_restart(struct aircraft *aircraft)
     aircraft->waiting_position.came_us = aircraft->waiting_time.came_us = INT64_MIN;
     aircraft->native_rated_us = INT64_MIN;
     aircraft->native_location.said_us = INT64_MIN;
-    aircraft->landed_us = aircraft->in_air_us = INT64_MIN;
+    aircraft->landed_us = aircraft->in_air_us = aircraft->crashed_us = INT64_MIN;
     memset(aircraft->native_basic_id, 0, sizeof(aircraft->native_basic_id));
     aircraft->auth_received = 0;
     aircraft_forget_speaker(aircraft, AIRCRAFT_SPEAKER_VEHICLE);
@@ -139,6 +140,11 @@ static void take_heartbeat(struct aircraft *aircraft, const struct telemetry_upd
     aircraft->simulated = update->heartbeat.base_mode & MAV_MODE_FLAG_HIL_ENABLED;
     aircraft->mav_type = update->heartbeat.mav_type;
     aircraft->autopilot = update->heartbeat.autopilot;
+    /* The text counts with what a crash brings: some only say it, and fly on. */
+    if (says_armed && aircraft->crashed_us != INT64_MIN &&
+        now_us - aircraft->crashed_us > CRASH_DISARMS_US) {
+        aircraft->crashed_us = INT64_MIN;
+    }
     aircraft->doubtful = update->heartbeat.doubtful;
     /* Where two take turns, one word alone changes nothing. */
     if (!aircraft->doubtful || aircraft->said_status == update->heartbeat.system_status) {
@@ -157,13 +163,13 @@ static void take_basic_id(struct aircraft *aircraft, const struct telemetry_upda
     struct aircraft_native_id *native = &aircraft->native_basic_id[slot];
 
     /* Once the vehicle says who it is, nothing stands that somebody else has said of it. */
-    for (unsigned i = 0; !update->by_ground_station && i < 2; i++) {
+    for (unsigned i = 0; !update->by_another && i < 2; i++) {
         if (aircraft->basic_id_by_ground_station[i]) {
             memset(&aircraft->native_basic_id[i], 0, sizeof(aircraft->native_basic_id[i]));
             aircraft->basic_id_by_ground_station[i] = false;
         }
     }
-    aircraft->basic_id_by_ground_station[slot] = update->by_ground_station;
+    aircraft->basic_id_by_ground_station[slot] = update->by_another;
     memcpy(native, &update->basic_id, sizeof(update->basic_id));
     if (native->id_type == ODID_IDTYPE_CAA_REGISTRATION_ID) {
         identifiers_remove_secrets(native->uas_id);
@@ -199,10 +205,10 @@ static void take_authentication(struct aircraft *aircraft, const struct telemetr
     if (page.page >= TELEMETRY_AUTH_PAGES || page.last_page >= TELEMETRY_AUTH_PAGES) {
         return;
     }
-    if (aircraft->auth_by_ground_station && !update->by_ground_station) {
+    if (aircraft->auth_by_ground_station && !update->by_another) {
         aircraft->auth_received = 0; /* from now on they are the vehicle's own */
     }
-    aircraft->auth_by_ground_station = update->by_ground_station;
+    aircraft->auth_by_ground_station = update->by_another;
     memcpy(page.data, update->authentication.data, sizeof(page.data));
     have = aircraft->auth_received >> page.page & 1;
     same = have && same_page(&page, &aircraft->auth[page.page]);

@@ -17,7 +17,7 @@
 
 static enum aircraft_speaker speaker_of(const struct telemetry_update *update)
 {
-    return update->by_ground_station ? AIRCRAFT_SPEAKER_GROUND : AIRCRAFT_SPEAKER_VEHICLE;
+    return update->by_another ? AIRCRAFT_SPEAKER_GROUND : AIRCRAFT_SPEAKER_VEHICLE;
 }
 
 void aircraft_forget_speaker(struct aircraft *aircraft, enum aircraft_speaker speaker)

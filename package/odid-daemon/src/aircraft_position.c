@@ -192,6 +192,10 @@ bool aircraft_confirm_position(struct aircraft *aircraft, int64_t now_us)
     }
     waiting->came_us = INT64_MIN;
     fix->fix_us = waiting->stamped_us;
+    if (fix->latitude_deg != update->global_position.latitude_deg ||
+        fix->longitude_deg != update->global_position.longitude_deg) {
+        fix->moved_us = now_us;
+    }
     fix->latitude_deg = update->global_position.latitude_deg;
     fix->longitude_deg = update->global_position.longitude_deg;
     fix->altitude_msl_m = update->global_position.altitude_msl_m;
@@ -341,6 +345,10 @@ bool aircraft_take_location(struct aircraft *aircraft, const struct telemetry_up
     native->altitude_barometric_m = update->location.altitude_barometric_m;
     correct_px4(aircraft, native);
     aircraft->native.fix_us = instant_us;
+    if (aircraft->native.latitude_deg != update->location.latitude_deg ||
+        aircraft->native.longitude_deg != update->location.longitude_deg) {
+        aircraft->native.moved_us = now_us;
+    }
     aircraft->native.latitude_deg = update->location.latitude_deg;
     aircraft->native.longitude_deg = update->location.longitude_deg;
     aircraft->native.altitude_msl_m = NAN;

@@ -10,13 +10,21 @@
 #define ACCURACY_UNKNOWN_M 10.0
 /* ... what it flew since its last position, and a receiver's own delay; */
 #define DELAY_S 0.5
-/* or it is wrong, when it stays so for that long. */
-#define APART_US 3000000
+/* or it is wrong, when it stays so for that long: an estimator refuses a receiver that jumps away
+ * for some ten seconds, rightly; ... */
+#define APART_US 12000000
+/* ... but one that doesn't move any more while a receiver does has stopped. */
+#define STILL_US 2000000
+#define STILL_APART_US 3000000
+
+enum { TELEMETRY, NATIVE };
 
 void aircraft_forget_receivers(struct aircraft *aircraft)
 {
     for (unsigned i = 0; i < AIRCRAFT_RECEIVERS; i++) {
         aircraft->receiver[i].said_us = INT64_MIN;
+        aircraft->receiver[i].near_us[TELEMETRY] = aircraft->receiver[i].near_us[NATIVE] =
+            INT64_MIN;
     }
     aircraft->no_fix_us = INT64_MIN;
     aircraft->telemetry.apart_us = aircraft->native.apart_us = INT64_MIN;
@@ -50,9 +58,20 @@ bool aircraft_receivers_heard(const struct aircraft *aircraft, int64_t now_us)
     return false;
 }
 
-static void compare(const struct aircraft_receiver *receiver, struct aircraft_fix *fix,
+static bool another_is_near(const struct aircraft *aircraft, unsigned which, int64_t now_us)
+{
+    for (unsigned i = 0; i < AIRCRAFT_RECEIVERS; i++) {
+        if (aircraft_fresh(aircraft->receiver[i].near_us[which], now_us)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+static void compare(struct aircraft *aircraft, struct aircraft_receiver *receiver, unsigned which,
                     double speed_mps, int64_t now_us)
 {
+    struct aircraft_fix *fix = which == NATIVE ? &aircraft->native : &aircraft->telemetry;
     double accuracy_m = isnan(receiver->horizontal_accuracy_m) ? ACCURACY_UNKNOWN_M
                                                                : receiver->horizontal_accuracy_m;
     double limit_m;
@@ -64,8 +83,12 @@ static void compare(const struct aircraft_receiver *receiver, struct aircraft_fi
               speed_mps * (DELAY_S + fabs((double)(now_us - fix->fix_us)) * 1e-6);
     if (aircraft_distance_m(receiver->latitude_deg, receiver->longitude_deg, fix->latitude_deg,
                             fix->longitude_deg) <= limit_m) {
+        receiver->near_us[which] = now_us;
         fix->apart_us = INT64_MIN;
-    } else if (fix->apart_us == INT64_MIN) {
+        return;
+    }
+    receiver->near_us[which] = INT64_MIN;
+    if (!another_is_near(aircraft, which, now_us) && fix->apart_us == INT64_MIN) {
         fix->apart_us = now_us;
     }
 }
@@ -73,7 +96,9 @@ static void compare(const struct aircraft_receiver *receiver, struct aircraft_fi
 bool aircraft_is_apart(const struct aircraft *aircraft, const struct aircraft_fix *fix,
                        int64_t now_us)
 {
-    return fix->apart_us != INT64_MIN && now_us - fix->apart_us >= APART_US &&
+    int64_t limit_us = now_us - fix->moved_us > STILL_US ? STILL_APART_US : APART_US;
+
+    return fix->apart_us != INT64_MIN && now_us - fix->apart_us >= limit_us &&
            aircraft_receiver(aircraft, now_us) != NULL;
 }
 
@@ -98,15 +123,14 @@ void aircraft_take_gps_raw(struct aircraft *aircraft, const struct telemetry_upd
         aircraft->no_fix_us = aircraft->no_fix_us == INT64_MIN ? now_us : aircraft->no_fix_us;
         aircraft->waiting_position.came_us = aircraft->waiting_time.came_us = INT64_MIN;
     }
-    if (aircraft_receiver(aircraft, now_us) != receiver ||
-        receiver->fix_type < GPS_FIX_TYPE_3D_FIX) {
+    if (receiver->fix_type < GPS_FIX_TYPE_3D_FIX) {
         return;
     }
     /* The geoid changes by metres over tens of kilometres: the last one holds. */
-    if (!isnan(update->gps_raw.separation_m)) {
+    if (aircraft_receiver(aircraft, now_us) == receiver && !isnan(update->gps_raw.separation_m)) {
         aircraft->separation_m = update->gps_raw.separation_m;
     }
-    compare(receiver, &aircraft->telemetry,
+    compare(aircraft, receiver, TELEMETRY,
             hypot(aircraft->telemetry.north_mps, aircraft->telemetry.east_mps), now_us);
-    compare(receiver, &aircraft->native, isnan(native_mps) ? 0 : native_mps, now_us);
+    compare(aircraft, receiver, NATIVE, isnan(native_mps) ? 0 : native_mps, now_us);
 }

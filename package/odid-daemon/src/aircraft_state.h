@@ -25,7 +25,8 @@ struct aircraft_fix {
     double latitude_deg, longitude_deg;
     double altitude_msl_m, relative_altitude_m;     /* plain telemetry only */
     double north_mps, east_mps, vertical_speed_mps; /* plain telemetry only */
-    int64_t apart_us; /* since when it isn't where the receiver is; INT64_MIN: it is */
+    int64_t moved_us; /* when the place was another one than before, last */
+    int64_t apart_us; /* since when it is where no receiver is; INT64_MIN: it isn't */
 };
 
 /* GPS_RAW_INT's, GPS2_RAW's. */
@@ -35,6 +36,7 @@ struct aircraft_receiver {
     uint8_t fix_type;                   /* GPS_FIX_TYPE */
     double latitude_deg, longitude_deg; /* NAN unknown, likewise below */
     double horizontal_accuracy_m, vertical_accuracy_m, speed_accuracy_mps;
+    int64_t near_us[2]; /* when it was where telemetry's position is, and the native one */
 };
 
 /* What counts only with a GNSS fix, and came before one was known. */

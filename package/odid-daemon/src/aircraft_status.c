@@ -96,7 +96,7 @@ bool aircraft_is_emergency(const struct aircraft *aircraft, int64_t now_us)
     }
     return aircraft->system_status == MAV_STATE_EMERGENCY ||
            aircraft->system_status == MAV_STATE_FLIGHT_TERMINATION ||
-           aircraft->crashed_us != INT64_MIN ||
+           (aircraft->says_disarmed && aircraft->crashed_us != INT64_MIN) ||
            (aircraft->says_disarmed && is_high(aircraft, now_us));
 }
 

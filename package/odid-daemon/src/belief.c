@@ -12,13 +12,13 @@
 #define BEHIND_MS (-1000)
 #define NATIVE_BEHIND_MS (-3000)
 #define HOUR_MS 3600000
-/* No message comes before it was sent, but for what clocks drift (100 ppm); the least delay that
+/* No message comes before it was sent, but for what clocks drift (200 ppm); the least delay that
  * was seen is not the least that there is, and a recorded flight was refused for being 70 ms ahead
  * of it ... */
-#define AHEAD_US 300000
-#define DRIFT 1e-4
+#define AHEAD_US 600000
+#define DRIFT 2e-4
 /* ... and until the least delay is known: what was held up on the way comes at the beginning. */
-#define SETTLED_US 2000000
+#define SETTLED_US 20000000
 #define UNSETTLED_AHEAD_US 1000000
 
 /* The fastest that Remote ID knows, and what an estimator may jump; delays differ. */
@@ -38,6 +38,7 @@
 #define CONFIRMED_US 15000000
 
 #define UTC_STEP_MAX_US 100000
+#define ONE_BATCH_US 20000 /* what came at once wasn't said at once */
 #define NUMBERS_USED 64.0
 #define NUMBERS_MIN_US 100000.0
 #define NUMBERS_MAX_US 5000000.0
@@ -52,7 +53,7 @@ void belief_reset(struct belief *belief)
 
     memset(belief, 0, sizeof(*belief));
     belief->contradictions = contradictions;
-    belief->no_fix_us = INT64_MIN;
+    belief->no_fix_us = belief->telemetry_us = INT64_MIN;
     for (unsigned i = 0; i < BELIEF_FAULT_COUNT; i++) {
         belief->contradicted_us[i] = INT64_MIN;
     }
@@ -355,7 +356,8 @@ static bool hear_fix(struct belief *belief, struct telemetry_update *update, int
 
     if (fix_type < FIX_TYPE_2D) {
         belief->no_fix_us = now_us;
-        track->other_seen = track->other_seen || since_us < track->interval_us / 4;
+        track->other_seen =
+            track->other_seen || (since_us > ONE_BATCH_US && since_us < track->interval_us / 4);
         if (track->known && patient(track, now_us) && belief_contradicted(belief, now_us)) {
             return false;
         }
@@ -380,7 +382,11 @@ static bool take_position(struct belief *belief, const struct telemetry_update *
                                  update->global_position.longitude_deg,
                                  update->global_position.altitude_msl_m, now_us};
 
-    return hear_place(belief, &place, &clock, now_us);
+    if (!hear_place(belief, &place, &clock, now_us)) {
+        return false;
+    }
+    belief->telemetry_us = isnan(place.latitude_deg) ? belief->telemetry_us : now_us;
+    return true;
 }
 
 static bool take_native(struct belief *belief, const struct telemetry_update *update,
@@ -393,6 +399,12 @@ static bool take_native(struct belief *belief, const struct telemetry_update *up
     struct belief_place place = {update->location.latitude_deg, update->location.longitude_deg,
                                  update->location.altitude_geodetic_m, now_us};
 
+    /* An estimator and a receiver may drift apart, both the autopilot's: telemetry's place counts,
+     * and nobody is accused. */
+    if (belief->telemetry_us != INT64_MIN && now_us - belief->telemetry_us < PATIENCE_MAX_US &&
+        belief->place.known && jump_left_m(belief->jump_m, &belief->at, &place) < 0) {
+        return false;
+    }
     return hear_place(belief, &place, dated ? &clock : NULL, now_us);
 }
 
@@ -440,6 +452,19 @@ static void learn_pace(struct belief_numbers *numbers, uint8_t sequence, int64_t
     numbers->per_s += (step / seconds - numbers->per_s) * fmin(seconds / PACE_S, 1);
 }
 
+/* One that was skipped, and comes behind the next: the way has changed their order. */
+static bool is_late(struct belief_numbers *numbers, uint8_t sequence)
+{
+    uint8_t behind = (uint8_t)(numbers->next_to - sequence);
+    bool late =
+        behind >= 1 && behind <= NUMBERS_LOST_MAX && (numbers->skipped >> (behind - 1) & 1) != 0;
+
+    if (late) {
+        numbers->skipped &= (uint8_t) ~(1U << (behind - 1));
+    }
+    return late;
+}
+
 static void follow_number(struct belief *belief, uint8_t sequence, bool again, int64_t now_us)
 {
     struct belief_numbers *numbers = &belief->numbers;
@@ -447,17 +472,27 @@ static void follow_number(struct belief *belief, uint8_t sequence, bool again, i
     bool next = step > 0 && step <= NUMBERS_LOST_MAX;
 
     if (now_us - numbers->next_to_us < window_us(numbers)) {
-        if (step == 0 ? !again : next && numbers->other) {
+        if (is_late(numbers, sequence)) {
+            return;
+        }
+        /* A lap of one source goes forward all the way; where two take turns, one step goes back.
+         */
+        numbers->back = numbers->back || (uint8_t)(sequence - numbers->last) > INT8_MAX;
+        if (step == 0 ? !again && (!numbers->other || numbers->back)
+                      : next && numbers->other && numbers->back) {
             contradict(belief, now_us);
         }
         if (!next) {
             numbers->other = numbers->other || step != 0;
             return;
         }
+        numbers->skipped = (uint8_t)(numbers->skipped << step | ((1U << (step - 1)) - 1));
+    } else {
+        numbers->skipped = 0;
     }
     numbers->next_to = sequence;
     numbers->next_to_us = now_us;
-    numbers->other = false;
+    numbers->other = numbers->back = false;
 }
 
 void belief_sequence(struct belief *belief, uint8_t sequence, bool again, int64_t now_us)

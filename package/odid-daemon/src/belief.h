@@ -52,7 +52,9 @@ struct belief_numbers {
     bool known;
     uint8_t next_to; /* the next one of the believed source follows this one ... */
     int64_t next_to_us;
-    bool other;      /* ... and since then came one that doesn't */
+    bool other;      /* ... and since then came one that doesn't, */
+    bool back;       /* and one that went back */
+    uint8_t skipped; /* of the last eight: bit 0 is next_to's predecessor */
     uint8_t last;    /* whoever's */
     int64_t last_us; /* when that came */
     double per_s;    /* numbers used, by the last ten seconds or so */
@@ -63,6 +65,7 @@ struct belief {
     struct belief_track place, utc, fix, geoid;
     bool no_fix;                 /* the believed GPS_RAW_INT says so */
     int64_t no_fix_us;           /* when somebody said so last; INT64_MIN: never */
+    int64_t telemetry_us;        /* when its place was believed last; INT64_MIN: never */
     double separation_m;         /* of ellipsoid and geoid there */
     struct belief_place at;      /* the believed source's last */
     double jump_m;               /* what it may still jump: fills up as fast as an aircraft flies */

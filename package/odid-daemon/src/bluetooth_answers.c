@@ -59,19 +59,14 @@ static void take_features(struct bluetooth_adapter *adapter, const uint8_t *feat
     }
 }
 
-/* For one message it has to do. */
-static void take_maximum_data(struct bluetooth_adapter *adapter, const struct answer *answer,
-                              int64_t now_us)
+static void take_maximum_data(struct bluetooth_adapter *adapter, const struct answer *answer)
 {
     struct bluetooth_advertising *long_range = &adapter->sets[BLUETOOTH_LONG_RANGE];
     size_t octets = answer->length < 2 ? MESSAGES_EXTENDED_SIZE
                                        : answer->rest[0] | (size_t)answer->rest[1] << 8;
 
-    if (octets < MESSAGES_EXTENDED_EMPTY + MESSAGE_SIZE) {
-        long_range->possible = false;
-        radio_enter(long_range->radio, long_range->channel, RADIO_UNSUPPORTED,
-                    "this controller's extended advertising has no room for a pack", now_us);
-    } else if (octets < adapter->maximum_data) {
+    /* For one message it has to do: a word that says less is tried. */
+    if (octets >= MESSAGES_EXTENDED_EMPTY + MESSAGE_SIZE && octets < adapter->maximum_data) {
         adapter->maximum_data = octets;
         if (long_range->length > octets) { /* of before: another controller's */
             long_range->length = 0;
@@ -199,7 +194,7 @@ static void take_step_answer(struct bluetooth_adapter *adapter, const struct ans
         }
         take_features(adapter, answer->rest, now_us);
     } else if (adapter->step == STEP_MAXIMUM_DATA) {
-        take_maximum_data(adapter, answer, now_us);
+        take_maximum_data(adapter, answer);
     } else if (adapter->step == STEP_ENABLE) {
         come_on_air(adapter, now_us);
         adapter->enabling_again = false;

@@ -1,7 +1,7 @@
 /*
- * The UDP socket to which the autopilot's datagrams come. odid-keeper opens it
- * and hands it down to each daemon that it starts (ODID_LINK_FD): between two of
- * them the port stays taken, and nobody else can open it.
+ * The UDP socket to which the autopilot's datagrams come. odid-keeper opens one
+ * for each daemon, hands it down (ODID_LINK_FD), and keeps it open until the next
+ * one is started: between two of them the port stays taken.
  */
 #ifndef ODID_LINK_SOCKET_H
 #define ODID_LINK_SOCKET_H

@@ -103,21 +103,19 @@ static void on_off_air(void *context, const char *off, const char *left, int64_t
     advance(now_us);
 }
 
-/* Whoever took the port between two daemons would silence the next one. */
-static void hold_link_socket(const struct config *config)
+/* Whoever took the port between two daemons would silence the next one. Each has a socket of its
+ * own: one that was taken over may have made the last one deaf, for good. */
+static void renew_link_socket(const struct config *config)
 {
-    if (self.link_socket >= 0 && config->source == MAVLINK_SOURCE_UDP &&
-        link_socket_fits(self.link_socket, config)) {
-        return;
-    }
     if (self.link_socket >= 0) {
         close(self.link_socket);
         self.link_socket = -1;
     }
-    if (config->source == MAVLINK_SOURCE_UDP) {
-        self.link_socket = link_socket_open(config);
+    if (config->source != MAVLINK_SOURCE_UDP) {
+        return;
     }
-    if (config->source == MAVLINK_SOURCE_UDP && self.link_socket < 0) {
+    self.link_socket = link_socket_open(config);
+    if (self.link_socket < 0) {
         log_warning("can't open UDP %s:%u for the daemon (%s): it tries itself",
                     config->udp_address, config->udp_port, strerror(-self.link_socket));
     }
@@ -130,7 +128,7 @@ static void start(int64_t now_us)
 
     keeper_config_read(&config, self.command); /* as the daemon does now */
     keeper_air_plan(&self.plan, &config);
-    hold_link_socket(&config);
+    renew_link_socket(&config);
     result =
         keeper_process_start(&self.process, self.command, self.keeper.log_mode, self.link_socket);
     if (result < 0) {

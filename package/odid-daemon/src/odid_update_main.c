@@ -42,8 +42,9 @@ static struct {
     char running, other;       /* slots */
     char version[UPDATE_VERSION_SIZE];
     bool time_known;
-    bool beside; /* a bundle came while another update isn't decided: the gate refuses it */
-    bool passed; /* the gate said yes to what is being installed */
+    bool beside;   /* a bundle came while another update isn't decided: the gate refuses it */
+    bool stopping; /* it was told to end */
+    bool passed;   /* the gate said yes to what is being installed */
     char refused[UPDATE_SENTENCE_SIZE]; /* why the gate refused this bundle, or "" */
     char reason[UPDATE_SENTENCE_SIZE];  /* why it was rolled back, until the restart; or "" */
     bool overwritten; /* a bundle was refused since, and that is the last result */
@@ -311,9 +312,10 @@ static void act(int64_t now_us)
     switch (update_tick(&self.update, &board, now_us)) {
     case UPDATE_STOP:
         /* Also when it was called off: its server, which doesn't know, would begin again. */
-        if (self.update.slow || (self.passed && !board.armed)) {
+        if (!self.stopping && (self.update.slow || (self.passed && !board.armed))) {
             pause_hawkbit(now_us);
         }
+        self.stopping = true; /* it may take its time */
         end_installer();
         break;
     case UPDATE_COMMIT:
@@ -446,7 +448,7 @@ static void on_ends(const char *why, int64_t now_us)
 {
     bool broke_off = self.passed && self.update.stopped == NULL;
 
-    self.passed = false;
+    self.passed = self.stopping = false;
     if (is_beside(now_us)) {
         refuse(why, "");
         self.beside = false;

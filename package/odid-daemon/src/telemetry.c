@@ -28,7 +28,8 @@ struct telemetry {
     mavlink_message_t latest; /* of the vehicle's autopilot */
     uint8_t vehicle;          /* system id, 0 = none yet */
     uint8_t kept;             /* who was there first, or is expected: it may return */
-    bool kept_heard;          /* it was the vehicle in our time */
+    bool kept_heard;          /* it was the vehicle in our time, ... */
+    int64_t kept_us;          /* ... until then */
     int64_t kept_until_us;    /* one that wasn't heard is expected until then */
     int64_t begun_us;         /* the vehicle's first HEARTBEAT */
     bool spoke;               /* it says more than HEARTBEATs */
@@ -37,7 +38,7 @@ struct telemetry {
     bool identified;          /* its autopilot said who it is */
     bool authenticated;       /* and proves it */
     bool signs;               /* its last frame was signed */
-    bool by_ground_station;   /* whose native message is being read */
+    bool by_another;          /* the native message that is being read isn't its autopilot's */
     int vehicle_stream;
     int64_t heartbeat_us;
     int64_t vehicle_until_us;         /* no other system is the vehicle until then */
@@ -273,6 +274,13 @@ static bool odid_concerns_us(const struct telemetry *telemetry, const mavlink_me
                            to->component == MAV_COMP_ID_AUTOPILOT1));
 }
 
+/* System id 0 is nobody's, and no vehicle is known as 0. */
+static bool from_autopilot(const struct telemetry *telemetry, const mavlink_message_t *message)
+{
+    return telemetry->vehicle != 0 && message->sysid == telemetry->vehicle &&
+           message->compid == MAV_COMP_ID_AUTOPILOT1;
+}
+
 /* What one source says is delivered; what contradicts it is another one's. */
 static bool deliver_believed(struct telemetry *telemetry, struct telemetry_update *update,
                              int64_t now_us)
@@ -290,8 +298,8 @@ static void on_native(void *context, const struct telemetry_update *update, int6
     struct telemetry *telemetry = context;
     struct telemetry_update told = *update;
 
-    told.by_ground_station = telemetry->by_ground_station;
-    if (told.by_ground_station) {
+    told.by_another = telemetry->by_another;
+    if (told.by_another) {
         /* Once the vehicle says who it is, and proves it, nobody else does. */
         if ((told.kind == TELEMETRY_BASIC_ID && telemetry->identified) ||
             (told.kind == TELEMETRY_AUTHENTICATION && telemetry->authenticated)) {
@@ -317,7 +325,7 @@ static void take_odid(struct telemetry *telemetry, const mavlink_message_t *mess
         telemetry->counters.other_system++;
     } else {
         telemetry->counters.frames++;
-        telemetry->by_ground_station = message->sysid != telemetry->vehicle;
+        telemetry->by_another = !from_autopilot(telemetry, message);
         telemetry_odid_read(message, on_native, telemetry, now_us);
     }
 }
@@ -337,6 +345,13 @@ static bool passed_by(const struct telemetry *telemetry, int64_t now_us)
 {
     return telemetry->heartbeat_us != INT64_MIN && !is_settled(telemetry) &&
            now_us - telemetry->heartbeat_us > PASSED_BY_US;
+}
+
+/* The one that was there first: it was only expected, or has been silent for longer than any start
+ * takes. (In the air nobody takes its place.) */
+static bool is_given_up(const struct telemetry *telemetry, int64_t now_us)
+{
+    return !telemetry->kept_heard || now_us - telemetry->kept_us >= VEHICLE_STARTED_US;
 }
 
 /*
@@ -400,9 +415,10 @@ static void take_heartbeat(struct telemetry *telemetry, const mavlink_message_t 
     telemetry->armed = armed;
     /* Nobody's any more who was expected, and isn't the one that flies. */
     if (telemetry->kept == message->sysid || (telemetry->kept == 0 && is_settled(telemetry)) ||
-        (!telemetry->kept_heard && took_off_here(telemetry, now_us))) {
+        (took_off_here(telemetry, now_us) && is_given_up(telemetry, now_us))) {
         telemetry->kept = message->sysid;
         telemetry->kept_heard = true;
+        telemetry->kept_us = now_us;
     }
     /* A system with an autopilot is no ground station, whatever else of it said so. */
     telemetry->ground_stations[message->sysid / 8] &= (uint8_t) ~(1 << (message->sysid % 8));
@@ -414,13 +430,6 @@ static void take_heartbeat(struct telemetry *telemetry, const mavlink_message_t 
     update.heartbeat.base_mode = heartbeat.base_mode;
     update.heartbeat.system_status = heartbeat.system_status;
     telemetry->deliver(telemetry->context, &update, now_us);
-}
-
-/* System id 0 is nobody's, and no vehicle is known as 0. */
-static bool from_autopilot(const struct telemetry *telemetry, const mavlink_message_t *message)
-{
-    return telemetry->vehicle != 0 && message->sysid == telemetry->vehicle &&
-           message->compid == MAV_COMP_ID_AUTOPILOT1;
 }
 
 /* A checksum is made to order: it is the octets that tell. */

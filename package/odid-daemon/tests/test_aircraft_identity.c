@@ -116,7 +116,7 @@ static void ground_stations_id(uint8_t id_type, const char *id)
 {
     struct telemetry_update update = update_of(TELEMETRY_BASIC_ID);
 
-    update.by_ground_station = true;
+    update.by_another = true;
     update.basic_id.id_type = id_type;
     memcpy(update.basic_id.uas_id, id, strlen(id));
     give(&update);
@@ -310,7 +310,7 @@ static void description_by_ground(uint8_t type, const char *text)
 {
     struct telemetry_update update = update_of(TELEMETRY_SELF_ID);
 
-    update.by_ground_station = true;
+    update.by_another = true;
     update.self_id.type = type;
     strcpy(update.self_id.text, text);
     give(&update);

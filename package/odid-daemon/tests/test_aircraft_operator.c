@@ -344,7 +344,7 @@ static void say(bool by_ground_station, uint8_t location_type, double latitude_d
 {
     struct telemetry_update update = system_message(TELEMETRY_SYSTEM);
 
-    update.by_ground_station = by_ground_station;
+    update.by_another = by_ground_station;
     update.system.operator_location_type = location_type;
     update.system.operator_latitude_deg = latitude_deg;
     give(&update);

@@ -428,6 +428,40 @@ static void a_place_where_its_receiver_is_not_does_not_count(void **state)
     assert_false(condition.apart);
 }
 
+/* The first one's place walks away; the second one and the estimator agree. */
+static void a_position_is_near_where_any_receiver_is(void **state)
+{
+    struct telemetry_update second = update_of(TELEMETRY_GPS2_RAW);
+
+    (void)state;
+    second.gps_raw.fix_type = GPS_FIX_TYPE_RTK_FIXED;
+    second.gps_raw.latitude_deg = sim.gps_latitude_deg = sim.latitude_deg;
+    second.gps_raw.longitude_deg = sim.gps_longitude_deg = sim.longitude_deg;
+    second.gps_raw.horizontal_accuracy_m = second.gps_raw.separation_m = NAN;
+    for (unsigned i = 0; i < 60; i++) {
+        sim.gps_latitude_deg += i < 30 ? 10.0 / 111320 : 0;
+        give(&second);
+        fly(1);
+        assert_true(i < 1 || view.location.position_fresh);
+    }
+}
+
+/* It is off for ten seconds, and the estimator rightly flies on. */
+static void a_receiver_that_jumps_away_for_a_while_is_not_believed(void **state)
+{
+    (void)state;
+    sim.gps_latitude_deg = sim.latitude_deg;
+    sim.gps_longitude_deg = sim.longitude_deg;
+    fly(5);
+    for (unsigned i = 0; i < 300; i++) {
+        sim.latitude_deg += 1.5 / 111320;
+        sim.gps_latitude_deg = sim.latitude_deg + (i > 50 && i < 150 ? 120.0 / 111320 : 0);
+        sim.north_mps = 15;
+        fly(0.1);
+        assert_true(view.location.position_fresh);
+    }
+}
+
 /* A fast aircraft, and a position a second; then a receiver that knows how bad it is. */
 static void a_receiver_is_near_enough(void **state)
 {
@@ -509,6 +543,8 @@ int main(void)
         cmocka_unit_test_setup(a_second_receivers_fix_is_one, begin_setup),
         cmocka_unit_test_setup(a_fix_that_is_lost_is_lost_for_the_native_position_too, begin_setup),
         cmocka_unit_test_setup(a_place_where_its_receiver_is_not_does_not_count, begin_setup),
+        cmocka_unit_test_setup(a_position_is_near_where_any_receiver_is, begin_setup),
+        cmocka_unit_test_setup(a_receiver_that_jumps_away_for_a_while_is_not_believed, begin_setup),
         cmocka_unit_test_setup(a_receiver_is_near_enough, begin_setup),
         cmocka_unit_test_setup(delays_that_end_do_not_bend_utc, begin_setup),
         cmocka_unit_test_setup(an_inverted_vertical_speed_is_set_right_and_said, begin_setup),

@@ -198,6 +198,24 @@ static void an_emergency_counts_from_whichever_source(void **state)
     assert_int_equal(view.location.status_source, SOURCE_TELEMETRY);
 }
 
+/* ArduPlane says "Crash detected. No action taken", and flies on. */
+static void a_crash_that_is_only_said_is_none(void **state)
+{
+    struct telemetry_update crash = update_of(TELEMETRY_CRASHED);
+
+    (void)state;
+    arm(true);
+    fly(20);
+    give(&crash);
+    for (unsigned i = 0; i < 30; i++) {
+        fly(1);
+        assert_int_equal(view.location.status, AIRCRAFT_AIRBORNE);
+    }
+    arm(false); /* landed, later */
+    fly(5);
+    assert_int_equal(view.location.status, AIRCRAFT_GROUND);
+}
+
 static void hardware_in_the_loop_is_known_as_such(void **state)
 {
     struct telemetry_update update = update_of(TELEMETRY_HEARTBEAT);
@@ -410,6 +428,7 @@ int main(void)
         cmocka_unit_test_setup(a_landed_state_that_stopped_gives_way_to_the_armed_bit, begin_setup),
         cmocka_unit_test_setup(an_emergency_is_said_and_over_when_it_is_over, begin_setup),
         cmocka_unit_test_setup(an_emergency_without_a_position_is_an_emergency, begin_setup),
+        cmocka_unit_test_setup(a_crash_that_is_only_said_is_none, begin_setup),
         cmocka_unit_test_setup(hardware_in_the_loop_is_known_as_such, begin_setup),
         cmocka_unit_test_setup(in_doubt_one_word_is_no_emergency, begin_setup),
         cmocka_unit_test_setup(a_crash_is_an_emergency_until_it_is_armed_again, begin_setup),

@@ -413,6 +413,56 @@ static void a_log_that_is_downloaded_is_none(void **state)
     }
 }
 
+/* It begins all at once, with 800 a second beside the 50 that come here. */
+static void a_download_that_begins_is_none(void **state)
+{
+    uint8_t number = 0;
+
+    (void)state;
+    for (unsigned i = 0; i < 3000; i++) {
+        feed(numbered(autopilot_heartbeat(VEHICLE), number));
+        number = (uint8_t)(number + (i < 500 ? 1 : 13 + i * 7 % 8));
+        now_us += SECOND / 50;
+        assert_false(telemetry_contradicted(telemetry, now_us));
+    }
+}
+
+/* Now and then two neighbours change places on the way. */
+static void frames_that_come_in_another_order_are_none(void **state)
+{
+    (void)state;
+    for (unsigned i = 0; i < 3000; i++) {
+        bool swapped = i % 40 >= 38; /* 38 and 39, 78 and 79, ... */
+
+        feed(numbered(autopilot_heartbeat(VEHICLE), (uint8_t)(swapped ? i ^ 1U : i)));
+        now_us += SECOND / 50;
+        assert_false(telemetry_contradicted(telemetry, now_us));
+    }
+}
+
+/* Learnt while the line was full; later nothing is held up for so long. */
+static void a_line_that_was_full_is_not_held_against_it(void **state)
+{
+    int64_t late_us = 0, sent_us = now_us;
+
+    (void)state;
+    for (unsigned i = 0; i < 600; i++) {
+        int64_t least_us = late_us - 199000; /* nothing overtakes */
+
+        late_us = i < 15 ? 500000 : i * 7919 % 500 * INT64_C(1000);
+        late_us = late_us > least_us ? late_us : least_us;
+        now_us = sent_us;
+        {
+            struct frame frame = numbered(position(boot_ms(), LATITUDE_E7), sequence++);
+
+            now_us = sent_us + late_us;
+            assert_int_equal(feed(frame), 1);
+        }
+        sent_us += 200000;
+    }
+    assert_false(telemetry_contradicted(telemetry, now_us));
+}
+
 /* A log that is downloaded: most frames go to the ground station only. */
 static void frames_that_went_elsewhere_are_none(void **state)
 {
@@ -514,6 +564,9 @@ int main(void)
         TEST(frames_numbered_by_two_are_a_contradiction),
         TEST(no_number_is_left_to_forge_with),
         TEST(a_log_that_is_downloaded_is_none),
+        TEST(a_download_that_begins_is_none),
+        TEST(frames_that_come_in_another_order_are_none),
+        TEST(a_line_that_was_full_is_not_held_against_it),
         TEST(frames_that_went_elsewhere_are_none),
         TEST(one_autopilot_by_two_links_is_no_contradiction),
         TEST(an_unset_utc_is_nobody_s),

@@ -423,6 +423,39 @@ static void a_pilot_can_read_each_of_them(void **state)
     }
 }
 
+/* The autopilot's own frames are among what the kernel had no room for. */
+static void a_flood_keeps_from_arming_while_it_lasts(void **state)
+{
+    (void)state;
+    fixture.link.overrun_us = NOW - 2900000;
+    expect_one(HEALTH_FAULT, "autopilot's link is flooded");
+    fixture.link.overrun_us = NOW - 3000000;
+    judge();
+    assert_int_equal(health.count, 0);
+}
+
+static void what_the_autopilot_does_not_hear_is_told(void **state)
+{
+    (void)state;
+    fixture.input.unheard = true;
+    expect_one(HEALTH_WARNING, "autopilot hears nothing of us");
+    assert_non_null(strstr(health.problem[0].advice, "other wire"));
+    fixture.input.signs = true;
+    expect_one(HEALTH_WARNING, "autopilot hears nothing of us");
+    assert_non_null(strstr(health.problem[0].advice, "signing off"));
+}
+
+/* It was on the air, and its controller says now that it can't. */
+static void a_channel_that_was_on_the_air_is_missed_whatever_its_state_is_called(void **state)
+{
+    (void)state;
+    fixture.radios[CHANNEL_BT5].state = RADIO_UNSUPPORTED;
+    judge();
+    assert_int_equal(health.count, 0);
+    fixture.radios[CHANNEL_BT5].starts = 1;
+    expect_one(HEALTH_FAULT, "Bluetooth 5 off: unsupported");
+}
+
 #define TEST(name) cmocka_unit_test_setup(name, reset)
 
 int main(void)
@@ -453,6 +486,9 @@ int main(void)
         TEST(a_pilot_can_read_each_of_them),
         TEST(an_update_keeps_from_arming),
         TEST(two_sources_keep_from_arming),
+        TEST(a_flood_keeps_from_arming_while_it_lasts),
+        TEST(what_the_autopilot_does_not_hear_is_told),
+        TEST(a_channel_that_was_on_the_air_is_missed_whatever_its_state_is_called),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -493,6 +493,21 @@ static void the_first_vehicle_has_its_place_back_when_it_returns(void **state)
     assert_int_equal(feed(some_position(VEHICLE, AUTOPILOT)), 1);
 }
 
+/* Its system id was changed on the ground; 1 is what many have. */
+static void in_flight_nobody_returns_whose_place_was_given_up(void **state)
+{
+    (void)state;
+    feed(disarmed_heartbeat(VEHICLE));
+    now_us += 11 * SECOND;
+    assert_int_equal(feed(disarmed_heartbeat(OTHER_VEHICLE)), 1);
+    for (unsigned i = 0; i < 61; i++) {
+        now_us += SECOND;
+        assert_int_equal(feed(autopilot_heartbeat(OTHER_VEHICLE)), 1);
+    }
+    assert_int_equal(feed(autopilot_heartbeat(VEHICLE)), 0);
+    assert_int_equal(telemetry_vehicle(telemetry), OTHER_VEHICLE);
+}
+
 static void a_ground_station_becomes_no_vehicle(void **state)
 {
     (void)state;
@@ -574,6 +589,7 @@ int main(void)
         cmocka_unit_test_setup(who_took_off_here_gives_way_to_nobody_who_was_only_expected, setup),
         cmocka_unit_test_setup(a_station_of_the_same_system_takes_no_place_away, setup),
         cmocka_unit_test_setup(a_ground_station_becomes_no_vehicle, setup),
+        cmocka_unit_test_setup(in_flight_nobody_returns_whose_place_was_given_up, setup),
         cmocka_unit_test_setup(after_a_restart_in_flight_no_other_vehicle_takes_its_place, setup),
         cmocka_unit_test_setup(the_same_vehicle_after_silence_is_no_new_one, setup),
         cmocka_unit_test_setup(replies_go_where_the_vehicle_was_heard_last, setup),

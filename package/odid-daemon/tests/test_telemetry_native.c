@@ -165,6 +165,21 @@ static void a_ground_station_proves_nothing_for_a_vehicle_that_does(void **state
     assert_false(accepted(native(AUTHENTICATION, GROUND_STATION, 190, 0, 0)));
 }
 
+/* What an autopilot's radio hears has often the vehicle's system id, and another component. */
+static void another_component_is_not_the_autopilots_word(void **state)
+{
+    (void)state;
+    for (enum kind kind = 0; kind < KINDS; kind++) {
+        if (kind != BASIC_ID && kind != LOCATION && kind != PACK) {
+            assert_true(accepted(native(kind, VEHICLE, 25, 0, 0)));
+            assert_true(latest()->by_another);
+        }
+    }
+    assert_true(accepted(native(AUTHENTICATION, VEHICLE, AUTOPILOT, 0, 0)));
+    assert_false(latest()->by_another);
+    assert_false(accepted(native(AUTHENTICATION, VEHICLE, 25, 0, 0)));
+}
+
 static void other_systems_are_ignored(void **state)
 {
     (void)state;
@@ -415,6 +430,7 @@ int main(void)
         cmocka_unit_test_setup(a_binary_id_keeps_its_zeros, setup),
         cmocka_unit_test_setup(empty_messages_are_absent, setup),
         cmocka_unit_test_setup(an_empty_identity_is_none, setup),
+        cmocka_unit_test_setup(another_component_is_not_the_autopilots_word, setup),
         cmocka_unit_test_setup(a_ground_station_proves_nothing_for_a_vehicle_that_does, setup),
         cmocka_unit_test_setup(an_empty_description_is_one, setup),
         cmocka_unit_test_setup(a_system_message_is_read, setup),

@@ -9,8 +9,10 @@
  *     fault flood SOCKET UID GID PROCESSES SECONDS  so many processes of that user connect to a
  *                                  UNIX socket, again and again; prints how often they could
  *     fault say UID GID PORT HEX COUNT  that user sends so many datagrams to a port of this
- * machine, 10 ms apart; prints how many the kernel took fault radio-remove ID        takes a
- * mac80211_hwsim radio away fault radio-create MAC       adds one with this address */
+ *                                  machine, 10 ms apart; prints how many the kernel took
+ *     fault notice UID GID STATUS  that user says something as SWUpdate's notifier does
+ *     fault radio-remove ID        takes a mac80211_hwsim radio away
+ *     fault radio-create MAC       adds one with this address */
 
 #include <errno.h>
 #include <grp.h>
