@@ -579,11 +579,13 @@ def test_nothing_of_a_stick_is_read_unless_disarmed(stick, armed):
 def test_a_stick_that_takes_its_time_isn_t_read_in_the_air(stick, slow, read):
     """Armed while the stick's own slowness holds what looks at it, for up to a minute."""
     path = f"usr/bin/{slow}"
-    stick.appliance.write(path, stick.appliance.read(path) + "echo armed once 1 >/armed\n")
+    stick.appliance.write(path, stick.appliance.read(path) + "[ -e /slow ] || { : >/slow; echo armed once 1 >/armed; }\n")
     calls = stick(last=slow if slow == "blkid" else "umount")
     stays("nothing more is read", lambda: [call for call in stick.appliance.calls() if "mount -t" in call] == read
           and "odidctl update /run/stick" not in stick.appliance.calls(), 0.5)
     assert "blkid" in calls
+    stick.appliance.write("armed", "disarmed once 1\n")
+    wait_for("the bundle to be offered after the flight", lambda: "odidctl update /run/stick" in stick.appliance.calls())
 
 
 # --- settings -----------------------------------------------------------------------

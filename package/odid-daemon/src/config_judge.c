@@ -11,6 +11,8 @@
 #define LOCATION_FIXED 2
 #define CATEGORY_OPEN 1
 #define CLASS_C5 6
+/* The kernel gives ports from here on to whoever asks for any; overlay/etc/init.d/S01mounts. */
+#define ANYBODYS_PORTS 32768U
 
 static void judge_basic_id(const struct config *config, unsigned index,
                            struct config_source *source)
@@ -154,6 +156,13 @@ static void judge_ways(const struct config *config, struct config_source *source
         config_say(source, CONFIG_NOTE,
                    "[mavlink] udp_address = %s: whoever reaches it by network can feed positions",
                    config->udp_address);
+    }
+    if (config->source == MAVLINK_SOURCE_UDP && config->udp_port >= ANYBODYS_PORTS) {
+        config_say(source, CONFIG_WARNING,
+                   "[mavlink] udp_port = %u: any program can take it when odid-daemon hasn't got "
+                   "it. Expected 1-%u, which the appliance keeps for itself; it is taken all the "
+                   "same",
+                   config->udp_port, ANYBODYS_PORTS - 1);
     }
 }
 

@@ -81,6 +81,11 @@ static void judgements(void **state)
         {GOOD "[mavlink]\nsource = udp\nudp_address = 0.0.0.0\n",
          "note: [mavlink] udp_address = 0.0.0.0: whoever reaches it by network can feed "
          "positions\n"},
+        {GOOD "[mavlink]\nsource = udp\nudp_port = 32767\n", ""},
+        {GOOD "[mavlink]\nsource = udp\nudp_port = 32768\n",
+         "warning: [mavlink] udp_port = 32768: any program can take it when odid-daemon hasn't "
+         "got it. Expected 1-32767, which the appliance keeps for itself; it is taken all the "
+         "same\n"},
         {GOOD "[mavlink]\nsource = udp\n", ""},
         {GOOD "[bench]\nlatitude = 57.7089\nlongitude = 11.9746\n",
          "warning: [bench] a test position is on: an invented place is broadcast whenever the "
