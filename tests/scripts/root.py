@@ -19,6 +19,7 @@ SETTINGS = {
 ODIDCTL = """#!/bin/sh
 case $1 in
 get) shift && for name; do sed -n "s/^$name=//p" /settings; done ;;
+check) cat /checked ;;
 armed) cat /armed && ! grep -q ^disarmed /armed ;;
 status) cat /status.json ;;
 esac

@@ -780,6 +780,24 @@ def test_a_token_that_was_emptied_is_forgotten(with_config):
         assert not with_config.exists("data/secrets/hawkbit-token")
 
 
+@pytest.mark.parametrize("checked, forgotten", [
+    ("/run/config/odid.conf: nothing is wrong\n", True),
+    ("warning: [operator] operator_id is not set\n/run/config/odid.conf: see above\n", True),
+    ("error: odid.conf line 3: [wifi] channel = 99: expected 1-13\n/run/config/odid.conf: see above\n", False),
+])
+def test_a_factory_reset_forgets_nothing_that_config_can_t_bring_back(appliance, checked, forgotten):
+    """It is refused as a whole where one value is wrong, and the board began without an identity."""
+    appliance.change("etc/init.d/S30data", (". /lib/odid/functions", ". /lib/odid/functions; mount() { :; }; umount() { :; }"))
+    appliance.write("checked", checked)
+    appliance.write("data/odid/odid.conf", "mine\n")
+    appliance.write("data/odid/factory-reset", "")
+    appliance.write("etc/odid/odid.conf", "the image's\n")
+    said = appliance.must("/etc/init.d/S30data")
+    assert appliance.read("data/odid/odid.conf") == ("the image's\n" if forgotten else "mine\n")
+    assert appliance.exists("data/odid/factory-reset") == forgotten     # it is S40config's to take away
+    assert forgotten or "channel = 99" in said
+
+
 # --- services -----------------------------------------------------------------------
 
 

@@ -56,20 +56,25 @@ def test_a_stick_without_a_bundle(ready):
     assert ready.result() is None
 
 
-def test_no_factory_reset_while_config_cannot_be_read(make_appliance):
+@pytest.mark.parametrize("spoil, said", [
+    ("dd if=/dev/zero of=/dev/disk/odid/config bs=4096 count=16 conv=fsync", "CONFIG can't be read"),
+    ("mount -t vfat /dev/disk/odid/config /run/config && echo '[wifi]' >>/run/config/odid.conf && "
+     "echo 'channel = 99' >>/run/config/odid.conf && umount /run/config", "channel"),
+], ids=["unreadable", "wrong"])
+def test_no_factory_reset_while_config_cannot_be_read(make_appliance, spoil, said):
     """What is forgotten has to come back from there."""
     one = make_appliance("factory_without")
     one.power_on()
     machine = one.machine
     machine.must("odidctl set self_id.description Changed")
     before, ssid = one.starts(), machine.must("cat /data/secrets/wifi_ssid")
-    machine.must("dd if=/dev/zero of=/dev/disk/odid/config bs=4096 count=16 conv=fsync 2>&1")
+    machine.must(f"{spoil} 2>&1")
     machine.shell.send("odidctl factory-reset")
     one.wait_restart(before)
     machine.wait_on_air()
     assert machine.must("odidctl get self_id.description basic_id.uas_id").split() == ["Changed", "SSRS5GBG01"]
     assert machine.must("cat /data/secrets/wifi_ssid") == ssid
-    assert "CONFIG can't be read" in machine.must("cat /run/faults/config")
+    assert said in machine.must("cat /run/faults/config")
     assert machine.run("[ -e /data/odid/factory-reset ]").code
 
 
