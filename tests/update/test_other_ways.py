@@ -56,14 +56,16 @@ def test_a_stick_without_a_bundle(ready):
     assert ready.result() is None
 
 
-@pytest.mark.parametrize("spoil, said", [
-    ("dd if=/dev/zero of=/dev/disk/odid/config bs=4096 count=16 conv=fsync", "CONFIG can't be read"),
-    ("mount -t vfat /dev/disk/odid/config /run/config && echo '[wifi]' >>/run/config/odid.conf && "
+@pytest.mark.parametrize("name, spoil, said", [
+    ("factory_unreadable",
+     "dd if=/dev/zero of=/dev/disk/odid/config bs=4096 count=16 conv=fsync", "CONFIG can't be read"),
+    ("factory_wrong",
+     "mount -t vfat /dev/disk/odid/config /run/config && echo '[wifi]' >>/run/config/odid.conf && "
      "echo 'channel = 99' >>/run/config/odid.conf && umount /run/config", "channel"),
 ], ids=["unreadable", "wrong"])
-def test_no_factory_reset_while_config_cannot_be_read(make_appliance, spoil, said):
+def test_no_factory_reset_while_config_cannot_be_read(make_appliance, name, spoil, said):
     """What is forgotten has to come back from there."""
-    one = make_appliance("factory_without")
+    one = make_appliance(name)
     one.power_on()
     machine = one.machine
     machine.must("odidctl set self_id.description Changed")
