@@ -140,6 +140,14 @@ def flying(machine):
     return machine
 
 
+def test_the_page_is_gone_when_armed(machine, request):
+    machine.must("odidctl maintenance on")
+    machine.wait_for("the page", lambda: listening(machine) == {80})
+    request.getfixturevalue("flying")
+    machine.wait_for("its end", lambda: listening(machine) == set())
+    assert machine.run("odidctl maintenance on").code != 0
+
+
 def back(machine):
     """Everything is on the air, and newer positions are heard on each channel."""
     machine.wait_on_air(position=True)
@@ -149,11 +157,6 @@ def back(machine):
 def test_every_field_is_right_in_flight(flying):
     report = judged(flying, "--played", flying.folder / "played.jsonl")
     assert report.rstrip().endswith("PASS"), report
-
-
-def test_maintenance_is_over_in_flight(flying):
-    assert flying.run("odidctl maintenance on").code != 0
-    assert listening(flying) == set()
 
 
 @pytest.mark.parametrize("program", ["odid-daemon", "hostapd"])

@@ -164,12 +164,12 @@ static void take_basic_id(struct aircraft *aircraft, const struct telemetry_upda
 
     /* Once the vehicle says who it is, nothing stands that somebody else has said of it. */
     for (unsigned i = 0; !update->by_another && i < 2; i++) {
-        if (aircraft->basic_id_by_ground_station[i]) {
+        if (aircraft->basic_id_by_another[i]) {
             memset(&aircraft->native_basic_id[i], 0, sizeof(aircraft->native_basic_id[i]));
-            aircraft->basic_id_by_ground_station[i] = false;
+            aircraft->basic_id_by_another[i] = false;
         }
     }
-    aircraft->basic_id_by_ground_station[slot] = update->by_another;
+    aircraft->basic_id_by_another[slot] = update->by_another;
     memcpy(native, &update->basic_id, sizeof(update->basic_id));
     if (native->id_type == ODID_IDTYPE_CAA_REGISTRATION_ID) {
         identifiers_remove_secrets(native->uas_id);
@@ -205,10 +205,10 @@ static void take_authentication(struct aircraft *aircraft, const struct telemetr
     if (page.page >= TELEMETRY_AUTH_PAGES || page.last_page >= TELEMETRY_AUTH_PAGES) {
         return;
     }
-    if (aircraft->auth_by_ground_station && !update->by_another) {
+    if (aircraft->auth_by_another && !update->by_another) {
         aircraft->auth_received = 0; /* from now on they are the vehicle's own */
     }
-    aircraft->auth_by_ground_station = update->by_another;
+    aircraft->auth_by_another = update->by_another;
     memcpy(page.data, update->authentication.data, sizeof(page.data));
     have = aircraft->auth_received >> page.page & 1;
     same = have && same_page(&page, &aircraft->auth[page.page]);

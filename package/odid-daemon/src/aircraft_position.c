@@ -169,6 +169,16 @@ static void count(struct aircraft_rate *rate, int64_t now_us)
     rate->last_us = now_us;
 }
 
+static void move_to(struct aircraft_fix *fix, double latitude_deg, double longitude_deg,
+                    int64_t now_us)
+{
+    if (fix->latitude_deg != latitude_deg || fix->longitude_deg != longitude_deg) {
+        fix->moved_us = now_us;
+    }
+    fix->latitude_deg = latitude_deg;
+    fix->longitude_deg = longitude_deg;
+}
+
 /* ---- plain telemetry ---- */
 
 void aircraft_keep_waiting(const struct aircraft *aircraft, struct aircraft_waiting *waiting,
@@ -192,12 +202,8 @@ bool aircraft_confirm_position(struct aircraft *aircraft, int64_t now_us)
     }
     waiting->came_us = INT64_MIN;
     fix->fix_us = waiting->stamped_us;
-    if (fix->latitude_deg != update->global_position.latitude_deg ||
-        fix->longitude_deg != update->global_position.longitude_deg) {
-        fix->moved_us = now_us;
-    }
-    fix->latitude_deg = update->global_position.latitude_deg;
-    fix->longitude_deg = update->global_position.longitude_deg;
+    move_to(fix, update->global_position.latitude_deg, update->global_position.longitude_deg,
+            now_us);
     fix->altitude_msl_m = update->global_position.altitude_msl_m;
     fix->relative_altitude_m = update->global_position.relative_altitude_m;
     fix->north_mps = update->global_position.north_mps;
@@ -345,12 +351,8 @@ bool aircraft_take_location(struct aircraft *aircraft, const struct telemetry_up
     native->altitude_barometric_m = update->location.altitude_barometric_m;
     correct_px4(aircraft, native);
     aircraft->native.fix_us = instant_us;
-    if (aircraft->native.latitude_deg != update->location.latitude_deg ||
-        aircraft->native.longitude_deg != update->location.longitude_deg) {
-        aircraft->native.moved_us = now_us;
-    }
-    aircraft->native.latitude_deg = update->location.latitude_deg;
-    aircraft->native.longitude_deg = update->location.longitude_deg;
+    move_to(&aircraft->native, update->location.latitude_deg, update->location.longitude_deg,
+            now_us);
     aircraft->native.altitude_msl_m = NAN;
     count(&aircraft->native_rate, now_us);
     compare(aircraft, now_us);

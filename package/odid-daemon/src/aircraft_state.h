@@ -133,10 +133,10 @@ struct aircraft {
     double leap_ahead_s, leap_s;
 
     struct aircraft_native_id native_basic_id[2]; /* a serial number; another type */
-    bool basic_id_by_ground_station[2];           /* not the vehicle's own word */
+    bool basic_id_by_another[2];                  /* not the vehicle's own word */
     struct aircraft_auth_page auth[TELEMETRY_AUTH_PAGES];
     uint32_t auth_received; /* bit per page */
-    bool auth_by_ground_station;
+    bool auth_by_another;
     struct aircraft_description description[AIRCRAFT_SPEAKERS];
     struct aircraft_operator_number operator_number[AIRCRAFT_SPEAKERS];
     struct aircraft_native_system system[AIRCRAFT_SPEAKERS];

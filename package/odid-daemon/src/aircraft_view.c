@@ -60,7 +60,7 @@ static void view_basic_ids(const struct aircraft *aircraft, struct aircraft_view
     for (unsigned i = 0; i < 2 && view->basic_ids < 2; i++) {
         const struct aircraft_native_id *native = &aircraft->native_basic_id[i];
 
-        if (configured_one && aircraft->basic_id_by_ground_station[i]) {
+        if (configured_one && aircraft->basic_id_by_another[i]) {
             continue; /* it is known who this is */
         }
         if (native->id_type != ODID_IDTYPE_NONE && !has_id_type(view, native->id_type)) {

@@ -340,11 +340,11 @@ static void a_native_area_count_of_0_is_one_aircraft(void **state)
 
 /* ---- two voices ---- */
 
-static void say(bool by_ground_station, uint8_t location_type, double latitude_deg)
+static void say(bool by_another, uint8_t location_type, double latitude_deg)
 {
     struct telemetry_update update = system_message(TELEMETRY_SYSTEM);
 
-    update.by_another = by_ground_station;
+    update.by_another = by_another;
     update.system.operator_location_type = location_type;
     update.system.operator_latitude_deg = latitude_deg;
     give(&update);
