@@ -6,6 +6,8 @@ air, and nothing may grow in the machine.
 Every minute it is looked at from the bench's own console: memory that only the process itself has
 (RssAnon), open file descriptors and used disk. What grew is the difference between the first samples
 after SETTLED_S, when every service has done all it does once, and the last ones.
+
+What the judge finds beside other work is not judged (exit code 77) as far as it is about time.
 """
 
 import datetime
@@ -20,10 +22,10 @@ from pathlib import Path
 if __package__ is None:
     sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-import quiet
 from bench import flights, limits
 from bench.machine import CHANNELS, Machine, missing
 from host import parts, program
+from host.runs import violations_without_time
 
 FOLDER = parts.ROOT / "build/soak"
 DEFAULT_S = 1800
@@ -80,7 +82,7 @@ def growth(samples):
 
 
 def fly(machine, seconds):
-    """The flight, judged and looked at. The judge's exit code, the samples, and how long this machine stood still."""
+    """The flight, judged and looked at. The judge's exit code, the samples, and what speaks against its verdict."""
     machine.power_on()
     machine.wait_on_air()
     machine.play(flights.generate(FOLDER / "flight.tlog", seconds + 60))
@@ -100,7 +102,7 @@ def fly(machine, seconds):
     finally:
         judge.stop()
     print(judge.log())
-    return code, samples, quiet.stood_still_s(machine.watch.log, start, time.monotonic())
+    return code, samples, machine.disturbed(start, time.monotonic())
 
 
 def main():
@@ -113,29 +115,30 @@ def main():
     FOLDER.mkdir(parents=True, exist_ok=True)
     machine = Machine(FOLDER / "machine")
     try:
-        code, samples, stood_still_s = fly(machine, seconds)
+        code, samples, disturbed = fly(machine, seconds)
         faults = machine.run("ls /run/faults").output.split()
     finally:
         machine.close()
     (FOLDER / "samples.json").write_text(json.dumps([one._asdict() for one in samples], indent=1) + "\n")
-    grown, problems = growth(samples), [] if code == 0 else [f"the judge ended with {code}"]
+    grown, problems = growth(samples), [] if code == 0 or disturbed else [f"the judge ended with {code}"]
     for name, limit in GROWTH.items():
         print(f"{name}: grew by {grown[name]} ({limit} allowed)")
         if grown[name] > limit:
             problems.append(f"{name} grew by {grown[name]}")
-    print(f"the measuring machine stood still for {stood_still_s:.2f} s at most")
     if faults:
         problems.append(f"faults: {', '.join(faults)}")
     path = FOLDER / "figures.json"
     figures = json.loads(path.read_text())
     commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=parts.ROOT, capture_output=True, text=True)
-    figures.update({f"growth_{name}": value for name, value in grown.items()}, soak_s=seconds,
-                   stood_still_max_s=stood_still_s,
-                   commit=commit.stdout.strip() or "unknown", verdict="FAIL" if problems else "PASS",
+    if code != 0 and disturbed and (violations := violations_without_time(FOLDER, FOLDER / "machine/played.jsonl")):
+        problems.append(f"{violations} violations that no other work explains")
+    verdict = "FAIL" if problems else "not judged" if code != 0 else "PASS"
+    figures.update({f"growth_{name}": value for name, value in grown.items()}, soak_s=seconds, disturbed=disturbed,
+                   commit=commit.stdout.strip() or "unknown", verdict=verdict,
                    date=datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds"))
     path.write_text(json.dumps(figures, indent=1) + "\n")
-    print("\n".join(problems + [figures["verdict"]]))
-    return 1 if problems else 0
+    print("\n".join(problems + [f"not judged: {disturbed}; the judge ended with {code}" if verdict == "not judged" else verdict]))
+    return {"FAIL": 1, "not judged": program.NOT_JUDGED}.get(verdict, 0)
 
 
 if __name__ == "__main__":

@@ -5,6 +5,9 @@ import subprocess
 import sys
 
 
+NOT_JUDGED = 77  # exit code: what is beyond its limit was measured beside other work (levels/command.py)
+
+
 def run(name, main):
     """Runs main(), whose value is the exit code. What can't go on is one sentence; the parts that were
     started are ended in any case, also when we are told to end."""

@@ -9,6 +9,8 @@ import tempfile
 import time
 from pathlib import Path
 
+import quiet
+
 from . import measure, parts
 
 LEAD_S = 2.0  # positions flow before the judging begins
@@ -46,9 +48,28 @@ def _read_figures(folder, log):
 
 
 def fly(kept, flight, seconds, mode="full", load=None, realtime=True):
-    """A flight in real time. Returns the judge's figures, and what was measured of the daemon."""
+    """A flight in real time. Returns the judge's figures, what was measured of the daemon, and as `disturbed` what
+    speaks against all of these: empty on a machine that had nothing else to do."""
     with in_memory(kept) as folder:
-        return _fly(parts.Bench(folder, mode=mode), kept.name, flight, seconds, load, realtime)
+        watch = quiet.Watch(folder / "quiet.jsonl")
+        try:
+            begun = time.monotonic()
+            figures = _fly(parts.Bench(folder, mode=mode), kept.name, flight, seconds, load, realtime)
+            if disturbed := watch.disturbed(begun, time.monotonic()):
+                figures["violations_without_time"] = violations_without_time(folder, folder / "played.jsonl")
+            return figures | {"disturbed": disturbed}
+        finally:
+            watch.stop()
+
+
+def violations_without_time(folder, played):
+    """Those of a run's receptions that don't depend on when they were heard: what other work is no excuse for."""
+    out = folder / "without-time"
+    words = parts.python("receiver", "--receptions", folder / "receptions.jsonl", "--played", played, "--without-time",
+                         "--out", out, "--quiet")
+    result = subprocess.run([str(word) for word in words], env=parts.environment(), cwd=parts.ROOT,
+                            capture_output=True, text=True)
+    return _read_figures(out, result.stdout + result.stderr)["violations"]
 
 
 def _fly(bench, name, flight, seconds, load, realtime):

@@ -1,4 +1,5 @@
-"""Runs one command as a level with a single test: passed when it exits with 0."""
+"""Runs one command as a level with a single test: passed when it exits with 0. One with figures of real time that says
+"not judged: WHY" and exits with 77 (as a skipped test does for automake) is not judged."""
 
 import argparse
 import subprocess
@@ -8,6 +9,9 @@ from pathlib import Path
 
 import junit
 
+NOT_JUDGED = "not judged: "
+CODE_NOT_JUDGED = 77
+
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
@@ -16,9 +20,17 @@ def main() -> int:
     options = parser.parse_args()
 
     start = time.monotonic()
-    code = subprocess.run(options.command).returncode
+    not_judged = ""
+    with subprocess.Popen(options.command, stdout=subprocess.PIPE, text=True, errors="replace") as process:
+        for line in process.stdout or ():
+            print(line, end="", flush=True)
+            if line.startswith(NOT_JUDGED):
+                not_judged = line.strip()
+    code = process.returncode
     case = junit.Case(" ".join(options.command), time.monotonic() - start)
-    if code != 0:
+    if code == CODE_NOT_JUDGED and not_judged:
+        case.skipped, code = not_judged, 0
+    elif code != 0:
         case.failure = f"exit code {code}"
     junit.write(options.junit, options.junit.stem, [case])
     return code
