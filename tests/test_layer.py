@@ -579,6 +579,12 @@ def test_each_build_needs_its_room(tmp_path):
     assert "GiB" not in complaints(one, other)
 
 
+def program(path, text):
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(f"#!/bin/sh\n{text}\n")
+    path.chmod(0o755)
+
+
 def test_the_list_of_licences_is_taken_by_its_hash(tmp_path):
     """Whatever a server says under its name: the image is made without it, and what is missing is named."""
     (tmp_path / "utils").mkdir()
@@ -592,6 +598,25 @@ def test_the_list_of_licences_is_taken_by_its_hash(tmp_path):
     assert not list(listing.parent.iterdir())
     (tmp_path / "utils/generate-cyclonedx").write_text('CYCLONEDX_VERSION = "1.7"\n')
     assert "another version" in call(COMMON / "licence-names.sh", tmp_path, tmp_path).stderr
+
+
+@pytest.mark.parametrize("generate, made", [
+    ('printf %s "$(cat)" >"$6"', True),
+    ('echo half >"$6"; echo Traceback >&2; exit 1', False),
+], ids=["made", "fails"])
+def test_an_image_is_made_without_a_bill_of_materials(tmp_path, generate, made):
+    """Buildroot's program is the last step of an hour: whatever becomes of it, the image is there."""
+    bill, common = tmp_path / "sbom.json", tmp_path / "common"
+    program(tmp_path / "utils/generate-cyclonedx", generate)
+    program(common / "licence-names.sh", "exit 0")
+    shutil.copy(COMMON / "bill-of-materials.sh", common)
+    bill.write_text("of another build")
+    result = call("sh", "-c", f"echo info | {common}/bill-of-materials.sh {tmp_path} {tmp_path} {tmp_path} odid-cm4 1.0")
+    assert result.returncode == 0 and bill.exists() == made and not list(tmp_path.glob("*.part"))
+    assert made or "the image goes without one" in result.stderr
+    program(common / "licence-names.sh", "exit 1")
+    assert call("sh", "-c", f"{common}/bill-of-materials.sh {tmp_path} {tmp_path} {tmp_path} a 1 </dev/null").returncode == 0
+    assert not bill.exists()
 
 
 # --- with Buildroot -------------------------------------------------------------------

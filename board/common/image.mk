@@ -49,11 +49,8 @@ buildroot = @{ $(BUILDROOT_MAKE) $(2) || echo failed; } 2>&1 | tee $(IMAGE_OUT)/
 		exit 1; \
 	fi
 
-# The bill of materials, CycloneDX; none without the list of licences' names, and the release says so.
-sbom = @rm -f $(IMAGE_OUT)/sbom.json; ! board/common/licence-names.sh $(DL_DIR) $(BUILDROOT_DIR) || \
-	$(BUILDROOT_MAKE) -s show-info | env PYTHONHASHSEED=0 BR2_DL_DIR=$(abspath $(DL_DIR)) \
-	$(BUILDROOT_DIR)/utils/generate-cyclonedx --project-name odid-$(BOARD) \
-	--project-version $(IMAGE_VERSION) -o $(IMAGE_OUT)/sbom.json
+sbom = @$(BUILDROOT_MAKE) -s show-info | env PYTHONHASHSEED=0 board/common/bill-of-materials.sh $(abspath $(DL_DIR)) $(BUILDROOT_DIR) \
+	$(IMAGE_OUT) odid-$(BOARD) $(IMAGE_VERSION)
 
 # Buildroot doesn't look whether a package's recipe or source has changed; for the layer's own we do.
 changed-recipes = $(if $(wildcard $(IMAGE_OUT)/built),$(addsuffix -dirclean,$(filter-out odid-daemon,\
