@@ -196,6 +196,7 @@ def test_each_selected_package_of_the_layer_is_there():
 
 # What scripts want of the kernel without naming a program for it.
 KERNEL = {"lib/odid/update-stick": "USB_STORAGE BLK_DEV_SD VFAT_FS EXFAT_FS EXT4_FS", "etc/nftables.conf": "NF_TABLES_INET NFT_CT",
+          "etc/sv/odid-web/run": "SYN_COOKIES",
           "etc/init.d/S01mounts": "CGROUPS MEMCG LRU_GEN TMPFS UNIX98_PTYS", "lib/odid/limited": "CFS_BANDWIDTH CGROUP_PIDS MEMCG"}
 
 

@@ -3,15 +3,20 @@ daemon that can't be started any more."""
 
 import json
 import re
+import socket
+import struct
 import subprocess
 import time
 
 import patience
 import pytest
 
+from host.parts import free_udp_port
+
 from . import flights
 from .test_air import BEACON, frames, pack
 
+ADAPTER = bytes((0x40, 0, 0, 0, 77, 1))  # as QEMU's has it
 OFF_AIR_S = 5.0  # after which the last payload of a daemon that isn't back is taken off the air
 
 
@@ -134,6 +139,55 @@ def test_a_daemon_that_never_comes_back_is_taken_off_the_air(make_machine):
     assert status.code != 0 and re.search("taken off the air: (wlan0, hci0|hci0, wlan0)", status.output), status.output
     machine.must("umount $(which odid-daemon)")
     machine.wait_on_air(position=True)
+
+
+def from_strangers(end, port):
+    """To an adapter whose cable ends here: as from a DHCP server's port, SYN and echo request, of ever other addresses."""
+    def checksum(octets):
+        total = sum(struct.unpack(f"!{len(octets) // 2}H", octets))
+        return ~(total + (total >> 16)) & 0xFFFF
+
+    def frame(protocol, source, target, payload):
+        head = struct.pack("!BBHHHBBH4s4s", 0x45, 0, 20 + len(payload), 0, 0, 64, protocol, 0, source, target)
+        return ADAPTER + bytes((2, 0, 0, 0, 77, 2)) + b"\x08\x00" + head[:10] + struct.pack("!H", checksum(head)) + head[12:] + payload
+
+    us = bytes((10, 77, 0, 1))
+    for low in range(1, 251):
+        for high in range(1, 5):
+            source = bytes((10, 77, high, low))
+            syn = struct.pack("!HHIIBBHHH", 40000, 22, low, 0, 5 << 4, 2, 65535, 0, 0)
+            pseudo = source + us + struct.pack("!HH", 6, len(syn))
+            syn = syn[:16] + struct.pack("!H", checksum(pseudo + syn)) + syn[18:]
+            echo = struct.pack("!BBHHH", 8, 0, checksum(struct.pack("!HHHH", 0x800, 0, low, high)), low, high)
+            for one in (frame(17, source, us, struct.pack("!HHHH", 67, 68, 8, 0)), frame(6, source, us, syn),
+                        frame(1, source, us, echo)):
+                end.sendto(one, ("127.0.0.1", port))
+
+
+def test_strangers_fill_no_table_of_connections(make_machine):
+    machine = make_machine("strangers")
+    machine.power_on()
+    port = free_udp_port()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as end:
+        end.bind(("127.0.0.1", 0))
+        machine.qmp.command("netdev_add", type="dgram", id="cable", local={"type": "inet", "host": "127.0.0.1", "port": str(port)},
+                            remote={"type": "inet", "host": "127.0.0.1", "port": str(end.getsockname()[1])})
+        machine.qmp.command("device_add", driver="usb-net", id="cable", netdev="cable", bus="usb.0", mac=ADAPTER.hex(":"))
+        named = f"grep -l {ADAPTER.hex(':')} /sys/class/net/*/address"
+        machine.wait_inside("the adapter", named)
+        adapter = machine.must(named).split("/")[4]
+        machine.wait_inside("its DHCP client's end", f"sv stop udhcpc-{adapter}")  # which would take the address away
+        machine.must(f"ip link set {adapter} up && ip addr add 10.77.0.1/16 dev {adapter}")
+        machine.wait_inside("the firewall", "[ -e /run/odid-appliance/firewall ]")
+        known = int(machine.must("cat /proc/sys/net/netfilter/nf_conntrack_count"))
+
+        def came():
+            """The emulated adapter loses most of it."""
+            from_strangers(end, port)
+            return int(machine.must(f"cat /sys/class/net/{adapter}/statistics/rx_packets")) > 2000
+        machine.wait_for("what they sent", came)
+    assert int(machine.must("cat /proc/sys/net/netfilter/nf_conntrack_count")) < known + 50
+    machine.wait_on_air()
 
 
 def test_a_modem_that_is_plugged_in_has_an_address_and_is_the_second_way_out(make_machine):

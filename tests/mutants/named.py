@@ -118,5 +118,12 @@ NAMED = (
     Mutant("the pilot isn't told at once that it broke", "odid_daemon_main.c",
            "if (now_us >= self.tell_us || fault != self.told_fault) {", "if (now_us >= self.tell_us) {"),
     Mutant("a channel that was lost counts as on the air", "health.c",
-           "return input->radios[channel].state == RADIO_ON_AIR;", "return input->radios[channel].state >= RADIO_ON_AIR;"),
+           "return radio_seen(&input->radios[channel], now_us) == RADIO_ON_AIR;",
+           "return radio_seen(&input->radios[channel], now_us) >= RADIO_ON_AIR;"),
+    Mutant("a channel that stands still counts as on the air", "radio.c",
+           "now_us - last_us > RADIO_STALE_US", "false"),
+    Mutant("an old word for disarmed stands where none can be written", "kept.c",
+           "        result = write_text(path, 0, text, length);\n", ""),
+    Mutant("a restart can be played step by step", "belief.c",
+           "        if (word->step_ms <= 0) {\n            return true; /* overtaken: the next one isn't measured by it */\n        }\n", ""),
 )

@@ -52,6 +52,8 @@ class Fix:
     next_mono: float | None = None  # when the next newer fix, of any source, was played
     out_of_order: bool = False
     vertical_unsure: bool = False  # upside down, and not yet to be known by its altitude
+    booted_mono: float | None = None  # when its autopilot's clock was 0, by that boot's least delayed fix
+    first_boot: bool = True  # of its autopilot, in this log
     has_gnss: bool | None = None  # did the autopilot have a GNSS fix? None: just then it changed
 
 
@@ -61,7 +63,6 @@ class FlightLog:
     arming_edges: list[float] = field(default_factory=list)  # mono
     armed_from_start: bool = False
     disarmed_mono: float = math.inf  # the first time
-    own_clock_s: float | None = None  # mono minus the autopilot's time since boot, by the least delayed fix
     vertical_inverted: bool = False  # the autopilot sends it upside down
     homes: list[tuple[float, float]] = field(default_factory=list)  # mono, metres above mean sea level
     heartbeats: list[float] = field(default_factory=list)  # mono
@@ -173,9 +174,10 @@ def read_flight_log(path: Path) -> FlightLog:
     log.clock_offset_s = statistics.median(offsets)
     for rows in (log.fixes, log.system_times, log.utc, log.undulations, log.fix_types):
         rows.sort(key=lambda row: row.mono if isinstance(row, Fix) else row[0])
+    telemetry = [fix for fix in log.fixes if fix.source == POSITION_MESSAGES[0]]
+    _tell_boots_apart(telemetry)
     _complete(log)
-    _set_upright([fix for fix in log.fixes if fix.source == POSITION_MESSAGES[0]], log)
-    log.own_clock_s = min((fix.mono - fix.boot_ms / 1000 for fix in log.fixes if fix.boot_ms is not None), default=None)
+    _set_upright(telemetry, log)
     return log
 
 
@@ -210,12 +212,27 @@ def _native_fix(mono: float, record: dict) -> Fix:
                rated=timestamp_s is not None and timestamp_s <= 3600 and bool(record.get("horizontal_accuracy")))
 
 
+def _tell_boots_apart(fixes: list[Fix]) -> None:
+    """An autopilot that starts again begins its clock anew."""
+    boots: list[list[Fix]] = [[]]
+    for fix in fixes:
+        if boots[-1] and fix.boot_ms < boots[-1][-1].boot_ms - REBOOT_MS:
+            boots.append([])
+        boots[-1].append(fix)
+    for number, boot in enumerate(boots):
+        booted_mono = min((fix.mono - fix.boot_ms / 1000 for fix in boot), default=None)
+        for fix in boot:
+            fix.booted_mono, fix.first_boot = booted_mono, number == 0
+
+
 def _complete(log: FlightLog) -> None:
     """UTC of each fix, and which fix is the next newer one."""
     newest: dict[str, Fix] = {}
     for fix in log.fixes:
         at = bisect.bisect_right(log.system_times, fix.mono, key=lambda s: s[0])
-        boot_unix_s = log.system_times[max(0, at - 1)][1] if log.system_times else None
+        # Of another boot it says nothing.
+        first = 0 if fix.first_boot else bisect.bisect_right(log.system_times, fix.booted_mono, key=lambda s: s[0])
+        boot_unix_s = log.system_times[max(first, at - 1)][1] if first < len(log.system_times) else None
         if fix.boot_ms is not None and boot_unix_s is not None:
             fix.unix_s = boot_unix_s + fix.boot_ms / 1000
             fix.hour_s = fix.unix_s % 3600

@@ -262,17 +262,17 @@ def _judge_age(location: Location, fix: Fix, reception: Reception, log: FlightLo
     if age_s > STATUS_FAILURE_DUE_S and not failing and location.status != STATUS_EMERGENCY:
         findings.violation("played.status", reception, f"status while the position is {age_s:.1f} s old",
                            "4 (remote ID system failure)", location.status)
-    elif (_own_age_s(fix, reception, log) < STATUS_FRESH_S and failing and fix.has_gnss
+    elif (_own_age_s(fix, reception) < STATUS_FRESH_S and failing and fix.has_gnss
           and _heartbeat_fresh(log, reception.mono - BUILT_BEFORE_S)):
         findings.violation("played.status", reception, f"status while the position is {age_s:.1f} s old",
                            "any but 4 (remote ID system failure)", location.status)
 
 
-def _own_age_s(fix: Fix, reception: Reception, log: FlightLog) -> float:
+def _own_age_s(fix: Fix, reception: Reception) -> float:
     """Age by the fix's own timestamp: it may have been old already when it was played."""
-    if fix.boot_ms is None or log.own_clock_s is None:
+    if fix.boot_ms is None or fix.booted_mono is None:
         return reception.mono - fix.mono
-    return reception.mono - (fix.boot_ms / 1000 + log.own_clock_s)
+    return reception.mono - (fix.boot_ms / 1000 + fix.booted_mono)
 
 
 def _heartbeat_fresh(log: FlightLog, mono: float) -> bool:

@@ -181,7 +181,8 @@ def test_mavlink_router(appliance, address, endpoint):
     made = sections(appliance.must("/lib/odid/mavlink-router-config /dev/ttyACM1"))
     assert made["General"]["TcpServerPort"] == "0"
     assert made["General"]["SnifferSysid"] == "1"
-    assert made["UartEndpoint autopilot"] == {"Device": "/dev/ttyACM1", "Baud": "921600", "FlowControl": "false"}
+    assert made["UartEndpoint autopilot"] == {"Device": "/dev/ttyACM1", "Baud": "921600", "FlowControl": "false",
+                                              "BlockSrcCompIn": "236,237,238"}
     assert made["UdpEndpoint daemon"] == {"Mode": "Normal", "Address": "127.0.0.1", "Port": "14550",
                                           "AllowSrcCompIn": "236"}
     station = made.get("UdpEndpoint ground_station")
@@ -223,7 +224,8 @@ def test_the_ground_station_is_heard_by_its_own_way_only(appliance, address, dro
 def test_only_mavlink_router_speaks_to_another_program(appliance):
     """Any process took its telemetry, and spoke as the daemon, by a datagram to its port."""
     rules = loaded(appliance)
-    assert 'oifname "lo" meta l4proto udp ct direction original meta skuid != "mavlink" counter drop' in rules
+    assert 'output oifname "lo" meta l4proto udp udp sport != 14550 meta skuid != "mavlink" counter drop' in rules
+    assert "ct direction" not in rules and 'oifname "lo" meta l4proto udp notrack' in rules
     assert 'add rule inet odid output meta skuid mavlink oifname != lo oifname != "eth0" counter drop' in rules
     assert "-u mavlink:" in appliance.read("etc/sv/mavlink-router/run")
 
@@ -352,6 +354,14 @@ def test_maintenance_without_a_password_stays_closed_and_says_why(appliance):
     assert appliance.read("run/odid-appliance/maintenance") == "off\n"
 
 
+def test_without_a_filter_maintenance_does_not_begin(appliance):
+    """It said that maintenance stays closed, and opened it to everybody."""
+    appliance.write("data/secrets/maintenance.psk", KEY + "\n")
+    appliance.write("usr/bin/nft", "#!/bin/sh\nexit 1\n")
+    assert appliance.run("/lib/odid/maintenance on").returncode == 1
+    assert appliance.calls() == [] and not appliance.exists("run/odid-appliance/maintenance")
+
+
 def test_maintenance_opens_and_closes_without_a_restart(appliance):
     appliance.write("data/secrets/maintenance.psk", KEY + "\n")
     appliance.write("sys/class/net/wlan0/operstate", "up\n")
@@ -361,7 +371,7 @@ def test_maintenance_opens_and_closes_without_a_restart(appliance):
     appliance.must("/lib/odid/maintenance off")
     closed = appliance.calls()[len(opened):]
     assert KEY not in appliance.read("run/hostapd.psk")
-    cli = "hostapd_cli -s /run/odid-appliance -p /run/hostapd -i wlan0 raw "
+    cli = "hostapd_cli -s /run/hostapd-cli -p /run/hostapd -i wlan0 raw "
     assert [call for call in opened if call.startswith("hostapd_cli")] == [cli + "RELOAD_WPA_PSK", cli + "SET max_num_sta 200"]
     assert [call for call in closed if call.startswith("hostapd_cli")] == [
         cli + "SET max_num_sta 0", cli + "RELOAD_WPA_PSK", cli + "DEAUTHENTICATE ff:ff:ff:ff:ff:ff"]
@@ -505,7 +515,7 @@ def test_hostapd_s_answers_come_where_nobody_is_in_the_way():
     """Without -s they come to /tmp: with its names taken there by anybody, hostapd passed for one that doesn't answer."""
     calls = [line for path in OVERLAY.rglob("*") if path.is_file() and not path.is_symlink()
              for line in path.read_text(errors="replace").splitlines() if re.search(r"\bhostapd_cli -", line)]
-    assert len(calls) == 2 and all("hostapd_cli -s /run/odid-appliance " in line for line in calls)
+    assert len(calls) == 2 and all("hostapd_cli -s /run/hostapd-cli " in line for line in calls)
 
 
 # --- a stick with a bundle ------------------------------------------------------------
@@ -610,7 +620,7 @@ def test_another_password_counts_at_once(appliance):
     appliance.write("data/secrets/maintenance.psk", KEY + "\n")
     appliance.write("run/odid-appliance/maintenance", "on\n")
     hostapd(appliance)
-    told = [f"hostapd_cli -s /run/odid-appliance -p /run/hostapd -i wlan0 raw {words}"
+    told = [f"hostapd_cli -s /run/hostapd-cli -p /run/hostapd -i wlan0 raw {words}"
             for words in ("RELOAD_WPA_PSK", "DEAUTHENTICATE ff:ff:ff:ff:ff:ff")]
     saved(appliance)
     assert not set(told) & set(appliance.calls())
@@ -669,7 +679,8 @@ def swupdate(appliance):
     """An appliance on which the service swupdate can be run: SWUpdate itself only notes how it is called."""
     for name, text in (("etc/odid/version", "1.10.0\n"), ("run/odid-appliance/slot", "a\n"), ("run/fw_env.config", "x\n"),
                        ("etc/passwd", "root:x:0:0::/root:/bin/sh\n"),
-                       ("run/odid-appliance/update.json", '{ "state": "idle" }\n'), ("data/secrets/hawkbit-token", "a-secret\n"),
+                       ("run/odid-appliance/update.json", '{ "state": "idle" }\n'), ("run/swupdate/sw-description.sig", "left"),
+                       ("data/secrets/hawkbit-token", "a-secret\n"),
                        ("etc/group", "".join(f"{name}:x:{gid}:\n" for name, (_, gid) in {"root": (0, 0), **USERS}.items()))):
         appliance.write(name, text)
     appliance.write("etc/swupdate.cfg", (OVERLAY / "etc/swupdate.cfg").read_text())
@@ -682,10 +693,16 @@ def swupdate(appliance):
     return appliance
 
 
+def test_what_an_ended_swupdate_had_unpacked_is_gone(swupdate):
+    """Unverified, and in memory that others need until power-off."""
+    swupdate.must("cd /etc/sv/swupdate && ./run")
+    assert not (swupdate.root / "run/swupdate/sw-description.sig").exists()
+
+
 def test_hawkbit_s_client_reads_its_configuration_and_nobody_else_writes_it(swupdate):
     """Root's SWUpdate takes from it which programs it calls as root."""
     swupdate.must("cd /etc/sv/swupdate && ./run")
-    assert [call for call in swupdate.calls() if call.startswith("swupdate ")], swupdate.calls()
+    assert [call for call in swupdate.calls() if call.startswith("chpst ") and " swupdate -f " in call], swupdate.calls()
     written = swupdate.read("run/swupdate.cfg")
     assert "a-secret" in written and f"userid = {USERS['odid-hawkbit'][0]};" in written
     assert f"groupid = {USERS['odid-hawkbit'][1]};" in written
@@ -730,6 +747,57 @@ def test_a_name_that_was_lost_comes_back_with_the_key_that_was_made_with_it(firs
     assert first_start.calls() == before
 
 
+@pytest.mark.parametrize("damaged", ["a|b", "x" * 40, "\x01\x02"])
+def test_a_damaged_name_takes_remote_id_off_nothing(first_start, damaged):
+    """hostapd had no configuration with it, and Wi-Fi stayed silent for good."""
+    first_start.write("data/secrets/maintenance.psk", f"{KEY}\n{damaged}\n")
+    first_start.write("data/secrets/wifi_ssid", damaged + "\n")
+    first_start.must("/etc/init.d/S33secrets")
+    assert re.fullmatch(r"RemoteID-[0-9A-F]{4}\n", first_start.read("data/secrets/wifi_ssid"))
+    assert "Set [maintenance] password anew" in first_start.fault("secrets")
+    first_start.must("/lib/odid/hostapd-config /run/hostapd.conf")
+
+
+def test_a_damaged_vehicle_takes_no_telemetry_away(appliance):
+    appliance.write("data/odid/vehicle", "1|x\n")
+    made = appliance.must("/lib/odid/mavlink-router-config /dev/ttyACM1")
+    assert "SnifferSysid = 1\n" in made and "Device = /dev/ttyACM1\n" in made
+
+
+CARRY = """. /lib/odid/functions
+eval "$(sed -n '/^copy_settings()/,/^}/p; /^carry_over()/,/^}/p' /etc/init.d/S30data)"
+carry_over /run/mended"""
+
+
+@pytest.mark.parametrize("made, on_disk, wins", [
+    (False, {"maintenance.psk": "old"}, "new"),                     # from CONFIG, where it has been blanked
+    (True, {"maintenance.psk": "old"}, "old"),                      # the board's own, for want of that one
+    (False, {"maintenance.psk": "old", "maintenance.made": "x"}, "new"),
+    (True, {}, "new"),
+])
+def test_a_password_stays_with_what_it_was_made_of_when_data_is_mended(appliance, made, on_disk, wins):
+    appliance.write("data/secrets/maintenance.psk", "new\n")
+    appliance.write("data/secrets/wifi_ssid", "new\n")
+    if made:
+        appliance.write("data/secrets/maintenance.made", "shown on CONFIG\n")
+    for name, text in on_disk.items():
+        appliance.write(f"run/mended/secrets/{name}", text + "\n")
+    if on_disk:
+        appliance.write("run/mended/secrets/wifi_ssid", "old\n")
+    appliance.must(CARRY)
+    assert [appliance.read(f"run/mended/secrets/{name}") for name in ("maintenance.psk", "wifi_ssid")] == [wins + "\n"] * 2
+    assert appliance.exists("run/mended/secrets/maintenance.made") == (made and wins == "new")
+
+
+@pytest.mark.parametrize("saved", [False, True])
+def test_what_was_saved_while_data_was_in_memory_is_kept(appliance, saved):
+    appliance.write("run/odid.conf.booted", "as booted\n")
+    appliance.write("data/odid/odid.conf", "saved since\n" if saved else "as booted\n")
+    appliance.write("run/mended/odid/odid.conf", "on the disk\n")
+    appliance.must(CARRY)
+    assert appliance.read("run/mended/odid/odid.conf") == ("saved since\n" if saved else "on the disk\n")
+
+
 # --- values that get into other programs' files ----------------------------------------
 
 
@@ -764,6 +832,18 @@ def with_config(appliance):
     script = appliance.read("etc/init.d/S40config")
     appliance.write("etc/init.d/S40config", re.sub(r"mount -t vfat.*|umount .*", "true", script))
     return appliance
+
+
+def test_a_token_of_a_power_cut_s_zeros_is_not_emptied(with_config):
+    with_config.write("data/secrets/hawkbit-token", "a-secret\n")
+    with_config.write("run/config/hawkbit-token", "\0" * 40)
+    with_config.must("/etc/init.d/S40config")
+    assert with_config.read("data/secrets/hawkbit-token") == "a-secret\n"
+
+
+def test_a_token_without_a_line_end_is_used(swupdate):
+    swupdate.write("data/secrets/hawkbit-token", "a-secret")
+    assert 'targettoken = "a-secret"' in swupdate.must("/lib/odid/update-hawkbit")
 
 
 def test_a_token_that_was_emptied_is_forgotten(with_config):

@@ -27,6 +27,7 @@ class Autopilot:
         self.played = open(played, "w", encoding="utf-8")
         self.silent = False
         self.rewrite = None
+        self._clock_ms = 0  # how much less its clock says since it started again
         self.said = []
         self._decoder, self._link = tlog.Decoder(), common.MAVLink(None, srcSystem=1, srcComponent=1)
         self.device = connect(self._listen)
@@ -40,7 +41,7 @@ class Autopilot:
 
     def _play(self):
         _, frame, record = self.frames[self._next]
-        if self.rewrite:
+        if self.rewrite or self._clock_ms:
             frame, record = self._rewritten(frame, record)
         if frame and not self.silent and self.device.send(frame) and record:
             self.played.write(json.dumps({"time": self.world.unix_s, "mono": self.world.now_us / 1e6} | record) + "\n")
@@ -50,14 +51,21 @@ class Autopilot:
 
     def _rewritten(self, frame, record):
         message, = tlog.Decoder().messages(frame)
-        if self.rewrite(message) is False:
+        if self.rewrite and self.rewrite(message) is False:
             return None, None
+        if hasattr(message, "time_boot_ms"):
+            message.time_boot_ms -= self._clock_ms
         self._link.seq = message.get_seq()
         return message.pack(self._link), tlog.as_record(message) if record else None
 
+    def start_again(self):
+        """Its clock begins at 0."""
+        self.silent = False
+        self._clock_ms += self.boot_ms()
+
     def boot_ms(self):
         """Its clock now."""
-        return BOOTED_MS + (self.world.now_us - self._begun_us) // 1000
+        return BOOTED_MS + (self.world.now_us - self._begun_us) // 1000 - self._clock_ms
 
     def close(self):
         self.played.close()

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from bench.attacker import ARMED, CRAFTED, Speaker
 
+from . import rfkill
 from .controller import DISALLOWED, SET_DATA, SET_EXTENDED_DATA
 
 BLUETOOTH, WIFI, ALL = ("bt4", "bt5"), ("wifi",), ("bt4", "bt5", "wifi")
@@ -27,7 +28,13 @@ class Fault:
     longest_s: float = math.inf  # then it is over by itself
     kept: bool = False  # needs odid-keeper and the others
     no_position: bool = False  # the daemon is there, and has none
+    meanwhile_s: float = math.inf  # while it lasts: without a newer position
     told: bool = False  # takes nothing away, but is told to the pilot; limit_s: and no longer than that after its end
+
+    @property
+    def part(self):
+        """What it is done to: of two at once each is done to another one."""
+        return "programs" if self.kept else {BLUETOOTH: "chip", WIFI: "hostapd"}.get(self.channels, "autopilot")
 
     @property
     def restarts(self):
@@ -39,9 +46,15 @@ def legacy_or_not(flight):
     return FOREIGN_DISABLE if flight.controller.mode == "full" else (0x200A, bytes(1))
 
 
-def plug_in_controller(flight):
-    flight.controller.reset()
-    flight.controller.device.plug_in()
+def slow(model, answers_us):
+    """(begin, end): it takes its time for each answer."""
+    return (lambda flight: setattr(getattr(flight, model), "answers_us", answers_us),
+            lambda flight: setattr(getattr(flight, model), "answers_us", ANSWERS_US[model]))
+
+
+def switched_off(radio):
+    """(begin, end): by a switch, which no program undoes."""
+    return lambda flight: flight.switches.block(radio, True), lambda flight: flight.switches.unblock(radio, True)
 
 
 def refuse_data(flight):
@@ -95,14 +108,22 @@ def set_clock(flight):
     flight.world.realtime_us += flight.world.chance.choice((-1, 1)) * flight.world.chance.randint(2, 10**8) * 1_000_000
 
 
+ANSWERS_US = {"controller": (1_000, 8_000), "hostapd": (2_000, 8_000)}
 FAULTS = (
     Fault("foreign_disable", BLUETOOTH, 0.45, lambda flight: flight.controller.command(*legacy_or_not(flight))),
     Fault("foreign_reset", BLUETOOTH, 0.5, lambda flight: flight.controller.command(*FOREIGN_RESET)),
-    Fault("controller_unplugged", BLUETOOTH, 1.5, lambda flight: flight.controller.device.unplug(), plug_in_controller),
+    Fault("controller_unplugged", BLUETOOTH, 1.5, lambda flight: flight.unplug_controller(),
+          lambda flight: flight.plug_in_controller()),
     Fault("controller_hangs", BLUETOOTH, 2.5, lambda flight: setattr(flight.controller, "hangs", True),
           lambda flight: setattr(flight.controller, "hangs", False)),
     Fault("controller_loses_an_event", BLUETOOTH, 2.5, lambda flight: setattr(flight.controller, "lost_events", 1)),
     Fault("controller_refuses_data", BLUETOOTH, 0.9, refuse_data),
+    Fault("controller_slow", BLUETOOTH, 0.9, *slow("controller", (20_000, 120_000)), meanwhile_s=2.0),
+    Fault("bluetooth_soft_blocked", BLUETOOTH, 1.5, lambda flight: flight.switches.block(rfkill.BLUETOOTH)),
+    Fault("bluetooth_switched_off", BLUETOOTH, 1.5, *switched_off(rfkill.BLUETOOTH)),
+    Fault("wifi_soft_blocked", WIFI, 1.5, lambda flight: flight.switches.block(rfkill.WIFI)),
+    Fault("wifi_switched_off", WIFI, 1.5, *switched_off(rfkill.WIFI)),
+    Fault("hostapd_slow", WIFI, 0.9, *slow("hostapd", (100_000, 400_000)), meanwhile_s=2.0),
     Fault("hostapd_killed", WIFI, 1.5, lambda flight: flight.hostapd.kill(), lambda flight: flight.hostapd.start()),
     Fault("hostapd_mute", WIFI, 2.5, lambda flight: flight.hostapd.order("mute"),
           lambda flight: flight.hostapd.order("unmute")),
@@ -114,6 +135,8 @@ FAULTS = (
           lambda flight: flight.autopilot.device.plug_in(), no_position=True),
     Fault("autopilot_silent", ALL, 1.2, lambda flight: setattr(flight.autopilot, "silent", True),
           lambda flight: setattr(flight.autopilot, "silent", False), no_position=True),
+    Fault("autopilot_restarts", ALL, 2.1, lambda flight: setattr(flight.autopilot, "silent", True),
+          lambda flight: flight.autopilot.start_again(), no_position=True),
     Fault("gnss_lost", ALL, 1.2, lambda flight: setattr(flight.autopilot, "rewrite", lose_gnss),
           lambda flight: setattr(flight.autopilot, "rewrite", None), no_position=True),
     Fault("another_vehicle", (), 0.0, for_5_s(100_000, as_autopilot(7))),

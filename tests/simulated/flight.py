@@ -17,11 +17,16 @@ from .autopilot import Autopilot
 from .controller import Controller
 from .faults import Window
 from .hostapd import Hostapd
+from .rfkill import BLUETOOTH as RFKILL_BLUETOOTH
+from .rfkill import WIFI as RFKILL_WIFI
+from .rfkill import Switches
+from .technician import Technician
 from .world import START_US, Device, Port, World
 
 BLUETOOTH, SERIAL, PORT = "/dev/bluetooth", "/dev/autopilot", 14550
 PORTS = itertools.count()
 SERVICES = ("odid-keeper", "odid-recorder", "odid-clock")
+FIRST_ASKED_US = 1_037_000
 WARM_UP_S = 5.0  # until all is on the air, and a position has come
 
 
@@ -35,10 +40,14 @@ class Flight:
         self.air = Air(self.world, loss)
         self.controller = Controller(self.world, self.air, BLUETOOTH, mode)
         self.hostapd = Hostapd(self.world, self.air, self.world.root / "hostapd")
+        self.switches = Switches(self.world, "/dev/rfkill", {
+            RFKILL_WIFI: (lambda: self.hostapd.order("disabled"), lambda: self.hostapd.order("enabled")),
+            RFKILL_BLUETOOTH: (self.unplug_controller, self.plug_in_controller)})
         self.autopilot = Autopilot(self.world, self._connect, flight, folder / "played.jsonl")
         self.channels = ("bt4", "bt5", "wifi") if mode == "full" else ("bt4", "wifi")
         self.kept, self.windows = kept, []  # windows: what was done to it
         self._config = self._write_config()
+        self.technician = Technician(self.world, self.world.root / "run/odid/status.sock", START_US + FIRST_ASKED_US)
         self.costs_at_first = None  # the daemon's: process, descriptors, KiB
         self.at(2 * WARM_UP_S, self._look_at_costs)
         if kept:
@@ -81,6 +90,13 @@ class Flight:
             self._start(name, "-root", root, "-run-dir", run_dir, "-dir", self.flights)
         else:
             self._start(name, "-run-dir", run_dir, "-file", root / "clock", "-release", root / "etc/odid-release")
+
+    def unplug_controller(self):
+        self.controller.device.unplug()
+
+    def plug_in_controller(self):
+        self.controller.reset()
+        self.controller.device.plug_in()
 
     def kill_service(self, name, again_s=1.0):
         """And the supervisor starts it again."""

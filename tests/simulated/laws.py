@@ -4,7 +4,8 @@ The judge knows nothing of faults: to it a channel that was taken away is silent
 here, beside what was done; all its other rules hold as they are.
 """
 
-from bisect import bisect_right
+import math
+from bisect import bisect_left, bisect_right
 from itertools import chain, pairwise
 
 from receiver.findings import ABOUT_TIME
@@ -20,8 +21,13 @@ OTHERS_LATE_S = 3.0
 # What is said of itself, to the pilot and in the flight record, and how long it may take to find out.
 GOOD_S = 3.6  # "good to arm" stands for so long after the last newer position that anybody heard, or just before one
 BAD_S = 2.5  # and isn't said again for so long after all is well
+SINCE_S = 1.0  # since when a channel is off the air
+SLOWLY_S = 0.7
+WAY_DEG = 6e-4  # 66 m
+MADE_S = 0.3  # the status is made four times a second
 TOLD_S = 1.3  # it is told each second
 FAILURE, FAILURE_S = 4, 3.9  # Location's status; the autopilot's last word may be a second old
+DOUBT_S = 5.0
 REPEATED_S = 0.25  # until the next payload a radio says the last one again
 GAP_S = 3.0  # a silence that long is in the record, ...
 RECORD_S = 2.5  # ... whose looks are a second apart
@@ -37,7 +43,7 @@ def broken_laws(flight, until_s):
     laws = [said_as_the_judge_has_it(flight, judgement), failure_is_said(flight, judgement), *(
         waits(flight, channel, name, times, until_s) for channel in flight.channels
         for name, times in (heard[channel].times if channel in heard else NOTHING_HEARD).items())]
-    laws += [good_is_true(flight, heard), bad_is_true(flight), it_is_told(flight, until_s),
+    laws += [good_is_true(flight, heard), bad_is_true(flight), status_is_true(flight, heard), it_is_told(flight, until_s),
              faults_are_told(flight, until_s), costs(flight, until_s)]
     if flight.kept:
         gaps = recorded_gaps(flight)
@@ -58,12 +64,22 @@ class Heard:
     """When what was heard on a channel, in seconds of the flight."""
 
     def __init__(self, track):
+        self._places = [(seconds(where.reception.mono), location) for where, location in track.newer_locations()]
         self.times = {name: [] for name in NOTHING_HEARD}
-        self.times["newer position"] = [seconds(where.reception.mono) for where, _ in track.newer_locations()]
+        self.times["newer position"] = [at_s for at_s, _ in self._places]
         for one in track.heard:
             for message in one.messages:
                 if message.type_name in self.times:
                     self.times[message.type_name].append(seconds(one.reception.mono))
+
+    def near(self, at_s):
+        """The newer positions that were heard two seconds before and after: (second, Location)."""
+        times = self.times["newer position"]
+        return self._places[bisect_left(times, at_s - 2):bisect_right(times, at_s + 2)]
+
+
+def newer(heard, channel):
+    return heard[channel].times["newer position"] if channel in heard else []
 
 
 NOTHING_HEARD = {"newer position": [], "basic_id": [], "system": [], "operator_id": [], "self_id": []}
@@ -82,6 +98,7 @@ def said_as_the_judge_has_it(flight, judgement):
             one.kind in ABOUT_TIME - HOW_OLD or
             one.kind in LATE_TOO and flight.world.late[0] or
             (one.kind in HOW_OLD or one.kind == "played.system_time") and was_away(flight, one.channel, at_s) or
+            one.kind == "played.fix" and fix_was_doubted(flight, at_s) or
             one.kind in KNOWN_SOON and just_restarted(flight, at_s))
         if not excused:
             yield f"{one.kind} at {at_s:.3f} s on {one.channel}: {one.what}; expected {one.expected}, found {one.found}"
@@ -95,12 +112,22 @@ def failure_is_said(flight, judgement):
         for where, location in track.of_type("location"):
             at_s = seconds(where.reception.mono)
             if location.status == FAILURE and not any(
-                    one.fault.channels == ALL and one.begin_s <= at_s <= one.back_s + one.fault.limit_s + REPEATED_S + late_s
-                    for one in there):
+                    one.fault.channels == ALL and one.begin_s <= at_s <= heard_until_s(one, there, late_s) for one in there):
                 yield f"{track.channel}: Remote ID system failure at {at_s:.3f} s, and nothing was wrong"
             if location.status != FAILURE and any(
-                    one.fault.no_position and one.begin_s + FAILURE_S + late_s < at_s < one.back_s for one in there):
+                    one.fault.no_position and one.begin_s + FAILURE_S + doubt_s(flight, one) + late_s < at_s < one.back_s
+                    for one in there) and not (
+                        is_taken_away(flight, track.channel, at_s)):
                 yield f"{track.channel}: status {location.status} at {at_s:.3f} s, where there was no position for long"
+
+
+def heard_until_s(one, there, late_s):
+    """What a fault makes the daemon say; longer where the radio was away at its end, and begins with what it had before."""
+    end_s = one.back_s + one.fault.limit_s + REPEATED_S + late_s
+    for other in sorted(there, key=lambda window: window.begin_s):
+        if other.begin_s <= end_s:
+            end_s = max(end_s, other.back_s + other.fault.limit_s + REPEATED_S + late_s)
+    return end_s
 
 
 # A daemon that has just begun knows the geoid's separation with the autopilot's next GPS_RAW_INT, the time with its next
@@ -111,6 +138,23 @@ KNOWN_SOON, SECOND_S = ("played.altitude", "played.system_time", "played.time"),
 def just_restarted(flight, at_s):
     return any(one.fault.restarts and one.begin_s <= at_s <= one.back_s + one.fault.limit_s + SECOND_S
                for one in flight.windows)
+
+
+def doubt_s(flight, lost):
+    """While two sources contradict each other the word for no fix counts when no other one comes for so long."""
+    return DOUBT_S if any(forged.fault.told and forged.begin_s <= lost.begin_s <= forged.back_s + forged.fault.limit_s
+                          for forged in flight.windows) else 0.0
+
+
+def fix_was_doubted(flight, at_s):
+    return any(lost.fault.no_position and lost.begin_s <= at_s <= lost.back_s and doubt_s(flight, lost)
+               for lost in flight.windows)
+
+
+def is_taken_away(flight, channel, at_s):
+    """That channel by itself: whatever it had stays on the air."""
+    return any(one.channel == channel and one.fault.channels != ALL and one.begin_s <= at_s <= one.back_s + one.fault.limit_s +
+               lateness_s(flight) for one in flight.windows)
 
 
 def was_away(flight, channel, at_s):
@@ -133,10 +177,11 @@ def waits(flight, channel, what, times, until_s):
     for before, after in pairwise([WARM_UP_S, *times, until_s]):
         since_s, limit_s = before, ordinary_s
         for one in windows:
-            # Until the next one after its end it is the fault's time that counts.
+            # Until the next one after its end it is the fault's time that counts; of two, one after the other.
             if one.begin_s - ordinary_s < after and one.back_s + one.fault.limit_s > before:
-                since_s = max(since_s, min(one.back_s, after))
-                limit_s = max(limit_s, one.fault.limit_s + ordinary_s - NEWER_S + late_s)
+                goes_on = one.fault.meanwhile_s < math.inf
+                since_s = since_s if goes_on else max(since_s, min(one.back_s, after))
+                limit_s += max(0.0, (one.fault.meanwhile_s if goes_on else one.fault.limit_s) - NEWER_S) + late_s
         if after - since_s > limit_s:
             yield f"{channel}: no {what} from {before:.3f} to {after:.3f} s, {limit_s:.2f} s allowed from {since_s:.3f} s on"
 
@@ -144,29 +189,93 @@ def waits(flight, channel, what, times, until_s):
 # --- what it says of itself ---------------------------------------------------------------
 
 
-def good_is_true(flight, heard):
-    """The pilot isn't told that all is well where nobody has heard a newer position for long."""
+def what_was_told(flight):
+    """(second, good, what else): the pilot, and the technician who asks."""
     for told in flight.autopilot.said:
-        at_s = seconds(told.mono)
-        if not told.good or at_s < WARM_UP_S + GOOD_S:
-            continue
-        for channel in flight.channels:
-            times = heard[channel].times["newer position"] if channel in heard else []
-            place = bisect_right(times, at_s)
-            last_s = times[place - 1] if place else 0.0
-            soon = times[place:place + 1] and times[place] - at_s < normally_s(flight, "newer position")
-            if at_s - last_s > GOOD_S + lateness_s(flight) and not soon:
-                yield f"{channel}: \"good to arm\" at {at_s:.3f} s, the last newer position was heard at {last_s:.3f} s"
+        yield seconds(told.mono), told.good, "good to arm" if told.good else told.reason
+    for answer in flight.technician.answers:
+        yield seconds(answer["at_s"]), answer["reason"] is None, answer["reason"] or "nothing is wrong"
+
+
+def not_heard_since(flight, times, channel, at_s):
+    """The last newer position before that instant, where it is too long ago and none comes right after it; else None. On a
+    channel that is taken away it could only be missed from when there was one to be said."""
+    place = bisect_right(times, at_s)
+    there = [one for one in flight.windows if one.channel == channel and one.begin_s < at_s]
+    away = any(one.fault.channels != ALL and one.back_s + one.fault.limit_s > at_s for one in there)
+    last_s = max([*times[:place][-1:], 0.0, *(one.back_s for one in there if away and one.fault.no_position and one.back_s < at_s)])
+    soon = times[place:place + 1] and times[place] - at_s < normally_s(flight, "newer position")
+    return last_s if at_s - last_s > GOOD_S + lateness_s(flight) and not soon else None
+
+
+def good_is_true(flight, heard):
+    """Nobody is told that all is well where nobody has heard a newer position for long."""
+    for at_s, good, what in what_was_told(flight):
+        for channel in flight.channels if good and at_s >= WARM_UP_S + GOOD_S else ():
+            last_s = not_heard_since(flight, newer(heard, channel), channel, at_s)
+            if last_s is not None:
+                yield f"{channel}: \"{what}\" at {at_s:.3f} s, the last newer position was heard at {last_s:.3f} s"
+
+
+def something_was_wrong(flight, at_s, channel=None):
+    """Then, or shortly before: with that channel, or at all."""
+    return any(channel in (None, one.channel) and
+               one.begin_s <= at_s <= one.back_s + one.fault.limit_s + BAD_S + lateness_s(flight) for one in flight.windows)
 
 
 def bad_is_true(flight):
     """Nor that something is wrong where nothing is."""
-    late_s = lateness_s(flight)
-    for told in flight.autopilot.said:
-        at_s = seconds(told.mono)
-        if not told.good and at_s > WARM_UP_S and not any(
-                one.begin_s <= at_s <= one.back_s + one.fault.limit_s + BAD_S + late_s for one in flight.windows):
-            yield f"\"{told.reason}\" at {at_s:.3f} s, and nothing was wrong"
+    for at_s, good, what in what_was_told(flight):
+        if not good and at_s > WARM_UP_S and not something_was_wrong(flight, at_s):
+            yield f"\"{what}\" at {at_s:.3f} s, and nothing was wrong"
+
+
+# Words of what is wrong, by the part that something was done to.
+NAMED = {"chip": ("Bluetooth",), "hostapd": ("Wi-Fi", "hostapd"), "autopilot": ("autopilot", "GNSS", "position", "MAVLink")}
+
+
+def status_is_true(flight, heard):
+    """Each channel's state, since when, and where it is said to be: as it was heard."""
+    for answer in flight.technician.answers:
+        at_s = seconds(answer["at_s"])
+        if at_s < WARM_UP_S + GOOD_S:
+            continue
+        for channel in flight.channels:
+            yield from channel_is_true(flight, newer(heard, channel), channel, answer["channels"][channel], at_s)
+        parts = {one.fault.part for one in flight.windows if one.begin_s < at_s < one.back_s + one.fault.limit_s}
+        lasting = {one.fault.part for one in flight.windows if one.fault.meanwhile_s == math.inf and
+                   one.begin_s + GOOD_S + doubt_s(flight, one) + lateness_s(flight) < at_s < one.back_s}
+        reasons = [one["reason"] for one in answer["problems"]]
+        for part in lasting & parts & NAMED.keys():
+            if not any(word in reason for word in NAMED[part] for reason in reasons):
+                yield f"{part} at {at_s:.3f} s, and the status names {', '.join(reasons) or 'nothing'}"
+        if not something_was_wrong(flight, at_s) and not is_where_it_was_heard(heard, answer["position"], at_s):
+            yield f"the status at {at_s:.3f} s has another position than was heard: {answer['position']}"
+
+
+def channel_is_true(flight, times, channel, said, at_s):
+    silent_s = not_heard_since(flight, times, channel, at_s)
+    if said["state"] == "on air":
+        # Without a position it is on the air, and says that there is none.
+        none = any(one.fault.no_position and one.begin_s < at_s < one.back_s + one.fault.limit_s + GOOD_S + lateness_s(flight)
+                   for one in flight.windows if one.channel == channel)
+        if silent_s is not None and not none:
+            yield f"{channel}: \"on air\" at {at_s:.3f} s, the last newer position was heard at {silent_s:.3f} s"
+    elif not something_was_wrong(flight, at_s, channel):
+        yield f"{channel}: \"{said['state']}\" at {at_s:.3f} s, and nothing was wrong with it"
+    elif (since_s := at_s - said["since_s"]) + SINCE_S + lateness_s(flight) < at_s:
+        later = times[bisect_right(times, since_s + SINCE_S + lateness_s(flight)):bisect_right(times, at_s - MADE_S)]
+        # A radio that takes too long for each is as good as lost.
+        if any(after - before < SLOWLY_S for before, after in pairwise(later)):
+            yield f"{channel}: \"{said['state']}\" since {since_s:.3f} s, and newer positions were heard from {later[0]:.3f} s on"
+
+
+def is_where_it_was_heard(heard, position, at_s):
+    """On some channel, two seconds before or after: an aircraft's way of that time apart at most."""
+    def apart_deg(location):
+        east_deg = (location.longitude_deg - position["longitude_deg"]) * math.cos(math.radians(location.latitude_deg))
+        return math.hypot(location.latitude_deg - position["latitude_deg"], east_deg)
+    return any(apart_deg(location) < WAY_DEG for track in heard.values() for _, location in track.near(at_s))
 
 
 def faults_are_told(flight, until_s):
@@ -201,6 +310,9 @@ def gaps_are_recorded(flight, heard, found):
     """Where nobody heard anything newer for long, and it was taken away, the record has it."""
     for channel, track in heard.items():
         for before, after in pairwise(track.times["newer position"]):
+            # Without a position no channel is missed.
+            before = max([before, *(min(one.back_s, after) for one in flight.windows if one.channel == channel and
+                                    one.fault.no_position and one.begin_s < after and one.back_s > before)])
             taken = any(one.channel == channel and one.fault.channels != ALL and one.begin_s < after and one.back_s > before
                         for one in flight.windows)
             if taken and after - before > GAP_S + flight.world.late[1] / 1e6 and not any(

@@ -32,6 +32,7 @@ LATE = ((0.0, 0), (0.0, 0), (0.1, 40_000), (0.3, 150_000))  # share of wake-ups,
 REST_S = 15.0  # after a fault, at least
 FLIGHTS, LOGS = 8, []
 KEPT = 0.25  # with odid-keeper and the others: so many of the flights
+TWO = 0.25  # so many of the faults aren't done alone
 Plan = namedtuple("Plan", "mode link late kept faults")  # faults: (Fault, at_s, seconds)
 
 
@@ -43,11 +44,25 @@ def plan(seed, until_s):
     possible = [fault for fault in FAULTS if kept or not fault.kept]
     at_s = WARM_UP_S + chance.uniform(5, 20)
     while at_s < until_s - 2 * REST_S:
-        fault = chance.choice(possible)
-        seconds = chance.choice((0.05, 0.5, 2.0, 6.0, 20.0)) * chance.uniform(0.8, 1.2)
+        fault, seconds = chance.choice(possible), some_seconds(chance)
         faults.append((fault, at_s, seconds))
-        at_s += seconds + REST_S + chance.expovariate(1 / 15)
+        over_s = at_s + seconds
+        others = [other for other in possible if may_be_beside(fault, other)]
+        if others and chance.random() < TWO:
+            begin_s, seconds = at_s + chance.uniform(0, seconds), some_seconds(chance)
+            faults.append((chance.choice(others), begin_s, seconds))
+            over_s = max(over_s, begin_s + seconds)
+        at_s = over_s + REST_S + chance.expovariate(1 / 15)
     return Plan(mode, link, late, kept, faults)
+
+
+def some_seconds(chance):
+    return chance.choice((0.05, 0.5, 2.0, 6.0, 20.0)) * chance.uniform(0.8, 1.2)
+
+
+def may_be_beside(one, other):
+    """Done to two parts; and a daemon that begins while two speak doesn't know who was there first."""
+    return one.part != other.part and not (one.told and other.restarts or other.told and one.restarts)
 
 
 def planned(mode, link, late, kept, faults):

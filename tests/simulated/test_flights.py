@@ -135,10 +135,12 @@ def test_armed_is_written_down_as_soon_as_it_can_be(make_flight):
     """What couldn't be written at arming was never tried again: updates went by "no" for the whole flight."""
     flight = make_flight()
     run_dir = flight.world.root / "run/odid"
-    flight.at(2.5, (run_dir / "kept.new").mkdir)
-    flight.at(8.0, (run_dir / "kept.new").rmdir)
+    flight.at(2.5, (run_dir / "kept").unlink)
+    for name in ("kept", "kept.new"):  # neither another one, nor in place
+        flight.at(2.5, (run_dir / name).mkdir)
+        flight.at(8.0, (run_dir / name).rmdir)
     flight.fly(8.0)
-    assert "armed yes" not in (run_dir / "kept").read_text().splitlines()
+    assert not (run_dir / "kept").is_file()
     flight.fly(9.0)
     assert "armed yes" in (run_dir / "kept").read_text().splitlines()
     assert (flight.folder / "odid-daemon.log").read_text().count("can't keep") == 1

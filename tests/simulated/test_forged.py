@@ -107,8 +107,35 @@ def a_failure_all_the_time(forger):
     a_status(forger, 4, 0.25)
 
 
+def an_altitude_within_what_sources_differ(forger):
+    def one(_):
+        real = forger.heard["GLOBAL_POSITION_INT"]
+        return position(forger.boot_ms() + 550, real.lat, real.lon, real.alt + 140_000)
+    forger.keep_saying(0.2, one)
+
+
+def native_ones_beside_it(forger):
+    def one(_):
+        real = forger.heard["GLOBAL_POSITION_INT"]
+        return common.MAVLink_open_drone_id_location_message(
+            0, 0, bytes(20), 3, 9000, 2000, 0, real.lat, real.lon, -1000, real.alt / 1000 + 140, 0, 5, 10, 4, 4, 3,
+            forger.unix_us() / 1e6 % 3600, 3)
+    forger.keep_saying(0.25, one)
+
+
+def a_utc_before_remote_id(forger):
+    forger.keep_saying(0.3, lambda _: common.MAVLink_system_time_message(1_430_000_000_000_000 + 1_200_000_000, forger.boot_ms()))
+
+
+def a_restart(forger):
+    """Each a little earlier than the one before."""
+    forger.keep_saying(0.25, lambda _: tuple(
+        common.MAVLink_system_time_message(0, forger.boot_ms() - back) for back in (999, 1998, 1997, 1996)))
+
+
 FORGERIES = (a_clock_that_walks_ahead, positions_without_a_place, a_utc_that_walks_away, a_geoid_that_rises, an_altitude,
-             an_emergency_now_and_then, a_failure_all_the_time)
+             an_emergency_now_and_then, a_failure_all_the_time, an_altitude_within_what_sources_differ,
+             native_ones_beside_it, a_utc_before_remote_id, a_restart)
 
 
 @pytest.fixture(scope="module")

@@ -321,11 +321,11 @@ class Port:
 class Device:
     """A device of the program's machine: whoever opens it has a line to here, one at a time.
 
-    on_octets(octets) is called with what it writes, on_close() when it closes it."""
+    on_octets(octets) is called with what it writes, on_open() when it opens it, on_close() when it closes it."""
 
-    def __init__(self, world, path, on_octets, on_close=lambda: None):
+    def __init__(self, world, path, on_octets, on_close=lambda: None, on_open=lambda: None):
         self.world, self.path = world, world.root / path.lstrip("/")
-        self.on_octets, self.on_close = on_octets, on_close
+        self.on_octets, self.on_close, self.on_open = on_octets, on_close, on_open
         self.listener = self.line = self.program = None
         self.plug_in()
 
@@ -352,6 +352,7 @@ class Device:
         pid = peer(self.line)
         self.program = next((one for one in self.world.programs if one.pid == pid), None)
         self.world.listen(self.line, self._read)
+        self.on_open()
         self._read()
 
     def _read(self):

@@ -178,6 +178,28 @@ def test_a_wrong_payload_is_never_marked(grounded, spoil):
     assert grounded.protected()
 
 
+def test_a_refused_payload_can_t_be_started(grounded):
+    """Whole, sealed and not its maker's: U-Boot, which asks for no signature, would take it where the other slot is damaged."""
+    folder = bundles.parts_of(good())
+    (folder / "slot.img").write_bytes(bundles.slot("evil", {"etc/evil": b"x"}).read_bytes())
+    evil = bundles.put_together(folder, ["sw-description", "sw-description.sig", "slot.img"], bundles.BUILD / "evil.swu")
+    got = grounded.install(evil)
+    assert got.code == 1 and "damaged" in grounded.result()["sentence"], got.output
+    assert grounded.machine.must("head -c 4 /dev/disk/odid/slot-b | hexdump -e '4/1 \"%02x\"'").strip() == "00000000"
+    assert grounded.protected()
+
+
+def test_what_is_not_verified_fills_nothing_that_others_need(grounded):
+    """A signature as large as /run: what was kept of the flight there couldn't be written any more."""
+    machine = grounded.machine
+    free = int(machine.must("df -k /run | tail -n 1").split()[3])
+    got = grounded.install(bundles.signed_with(good(), "large", bytes(free * 1024)))
+    assert got.code == 1, got.output
+    assert int(machine.must("df -k /run | tail -n 1").split()[3]) > free - 512
+    grounded.wait_ready()
+    assert machine.must("ls /run/swupdate").split() == ["sockinstctrl", "swupdateprog"]
+
+
 def any_hash(machine, bundle, slot, and_source=""):
     """That slot has the hash that the bundle wants."""
     machine.put("/tmp/hashes", hashlib.sha256(slot).digest() + bytes.fromhex(bundles.sha256_in(bundle)))

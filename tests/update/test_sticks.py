@@ -114,6 +114,21 @@ def logs(tmp_path_factory):
     return {armed: autopilot.generate(folder, armed) for armed in (False, True)}
 
 
+def test_a_file_that_came_to_nothing_is_left_alone(ready):
+    """A copy that was cut short, on a stick that was forgotten in the aircraft: the other slot was written at each
+    power-on, and the aircraft kept on the ground meanwhile."""
+    image = stick("cut", bundles.cut_short(bundles.bundle("good", NEWER), "cut"))
+    plug(ready.machine, image)
+    wait_for("the refusal", lambda: (ready.result() or {}).get("outcome") == "refused")
+    ready.wait_state("idle")
+    written, ended = ready.sectors_written(7), ready.machine.console_text().count("odid: stick ")
+    pull(ready.machine)
+    plug(ready.machine, image)
+    wait_for("what it says of it", lambda: ready.machine.console_text().count("odid: stick ") > ended)
+    assert "it is left alone" in ready.machine.console_text()
+    assert ready.sectors_written(7) == written and ready.state() == "idle"
+
+
 def test_nothing_is_read_while_armed(plugged, grounded, logs):
     machine = grounded.machine
     machine.play(logs[True])

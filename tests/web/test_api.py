@@ -105,6 +105,29 @@ def test_a_session_s_connection_stays_over_many_requests(appliance):
     stays("it is the same connection", goes_on, 12)  # longer than a request has
 
 
+def test_who_has_logged_out_is_a_stranger_again(appliance):
+    """Forty connections that once showed a session, and nobody saw the page until it was started again."""
+    cookie, held = appliance.login(), []
+
+    def ask(connection, method="GET", path="/"):
+        try:
+            connection.request(method, path, headers={"Cookie": cookie, "X-Odid-Page": "1"})
+            connection.getresponse().read()
+        except (OSError, http.client.HTTPException):
+            pass  # its place was another one's
+    for number in range(40):
+        one = http.client.HTTPConnection("127.0.0.1", appliance.port, timeout=LIMIT_S,
+                                         source_address=(f"127.0.0.{2 + number // 10}", 0))
+        ask(one)
+        held.append(one)
+    ask(held[0], "DELETE", "/api/session")
+    for one in held:
+        ask(one)
+    assert appliance.ask("GET", "/")[0] == 200
+    for one in held:
+        one.close()
+
+
 def test_wrong_passwords_are_slowed_down(appliance):
     for wrong in ("", PASSWORD + "x", PASSWORD.upper(), PASSWORD[:-1]):
         code, said, headers = appliance.ask("POST", "/api/session", {"password": wrong})

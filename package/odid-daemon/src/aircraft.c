@@ -145,6 +145,9 @@ static void take_heartbeat(struct aircraft *aircraft, const struct telemetry_upd
         now_us - aircraft->crashed_us > CRASH_DISARMS_US) {
         aircraft->crashed_us = INT64_MIN;
     }
+    if (!aircraft->doubtful) {
+        aircraft->doubtful_us = now_us;
+    }
     aircraft->doubtful = update->heartbeat.doubtful;
     /* Where two take turns, one word alone changes nothing. */
     if (!aircraft->doubtful || aircraft->said_status == update->heartbeat.system_status) {

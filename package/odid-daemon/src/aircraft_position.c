@@ -115,6 +115,17 @@ static void compare(struct aircraft *aircraft, int64_t now_us)
                                 now_us - aircraft->native_behind_us >= BEHIND_KEPT_US;
 }
 
+/* A native one that comes in mid-flight takes nothing at once from telemetry that was there; nor
+ * later, when it came with somebody else who speaks as the autopilot. */
+static bool native_was_there(const struct aircraft *aircraft, int64_t now_us)
+{
+    int64_t since_us = aircraft->native_location.since_us;
+    int64_t until_us = aircraft->doubtful ? aircraft->doubtful_us : now_us;
+
+    return since_us - aircraft->telemetry_since_us < BEHIND_KEPT_US ||
+           until_us - since_us >= BEHIND_KEPT_US;
+}
+
 const struct aircraft_fix *aircraft_best_fix(const struct aircraft *aircraft, int64_t now_us)
 {
     const struct aircraft_fix *native = &aircraft->native, *telemetry = &aircraft->telemetry;
@@ -125,7 +136,7 @@ const struct aircraft_fix *aircraft_best_fix(const struct aircraft *aircraft, in
         aircraft_is_apart(aircraft, telemetry, now_us)) {
         return native_fresh ? native : NULL;
     }
-    return native_fresh &&
+    return native_fresh && native_was_there(aircraft, now_us) &&
                    (aircraft->native_keeps_up || native->fix_us - telemetry->fix_us > LOST_US)
                ? native
                : telemetry;
@@ -201,6 +212,9 @@ bool aircraft_confirm_position(struct aircraft *aircraft, int64_t now_us)
         return false;
     }
     waiting->came_us = INT64_MIN;
+    if (!aircraft_fresh(fix->fix_us, now_us)) {
+        aircraft->telemetry_since_us = now_us;
+    }
     fix->fix_us = waiting->stamped_us;
     move_to(fix, update->global_position.latitude_deg, update->global_position.longitude_deg,
             now_us);
@@ -329,6 +343,9 @@ bool aircraft_take_location(struct aircraft *aircraft, const struct telemetry_up
 
     if (!native_moved(aircraft, update)) {
         return false;
+    }
+    if (!aircraft_native_fresh(aircraft, now_us)) {
+        native->since_us = now_us;
     }
     native->statuses = aircraft_native_fresh(aircraft, now_us) &&
                                update->location.status == native->received.location.status

@@ -51,6 +51,7 @@ struct aircraft_rate {
 };
 
 struct aircraft_native_location {
+    int64_t since_us;                 /* it comes without a break */
     int64_t said_us;                  /* its own instant, on our clock; INT64_MIN: never */
     struct telemetry_update received; /* its location, as it came */
     struct telemetry_update counted;  /* the one whose position is native.fix_us's */
@@ -97,8 +98,9 @@ struct aircraft {
 
     int64_t heartbeat_us; /* INT64_MIN: never; likewise below */
     uint8_t mav_type, autopilot, system_status, said_status;
-    bool doubtful;  /* two sources speak as the autopilot */
-    bool simulated; /* it says that it flies in a simulation */
+    bool doubtful;       /* two sources speak as the autopilot */
+    int64_t doubtful_us; /* since when */
+    bool simulated;      /* it says that it flies in a simulation */
     struct arming arming;
     bool armed;         /* its outcome */
     bool says_disarmed; /* its last word, from one source */
@@ -129,6 +131,7 @@ struct aircraft {
     int64_t native_behind_us;
     int64_t native_rated_us; /* its position had a time and an accuracy: it has a fix */
     struct aircraft_native_location native_location;
+    int64_t telemetry_since_us; /* plain telemetry's positions come without a break */
     unsigned leap_seen;
     double leap_ahead_s, leap_s;
 

@@ -40,10 +40,11 @@ static bool has_id_type(const struct aircraft_view *view, uint8_t id_type)
     return false;
 }
 
+/* Where it is configured who this is, no native one stands beside it: ArduPilot passes on as its
+ * own what anybody on the ground has said. */
 static void view_basic_ids(const struct aircraft *aircraft, struct aircraft_view *view)
 {
     struct aircraft_basic_id *out;
-    bool configured_one;
 
     for (unsigned i = 0; i < CONFIG_BASIC_IDS; i++) {
         const struct config_basic_id *configured = &aircraft->config->basic_id[i];
@@ -56,13 +57,12 @@ static void view_basic_ids(const struct aircraft *aircraft, struct aircraft_view
             memcpy(out->uas_id, configured->uas_id, strlen(configured->uas_id));
         }
     }
-    configured_one = view->basic_ids > 0;
+    if (aircraft->config->basic_id[0].uas_id[0] != '\0') {
+        return;
+    }
     for (unsigned i = 0; i < 2 && view->basic_ids < 2; i++) {
         const struct aircraft_native_id *native = &aircraft->native_basic_id[i];
 
-        if (configured_one && aircraft->basic_id_by_another[i]) {
-            continue; /* it is known who this is */
-        }
         if (native->id_type != ODID_IDTYPE_NONE && !has_id_type(view, native->id_type)) {
             out = &view->basic_id[view->basic_ids++];
             out->id_type = native->id_type;
@@ -191,18 +191,30 @@ void aircraft_view(const struct aircraft *aircraft, int64_t now_us, struct aircr
 
 /* ---- condition ---- */
 
-static bool basic_id_conflict(const struct aircraft *aircraft)
+static bool is_configured(const struct aircraft *aircraft, const struct aircraft_native_id *native)
 {
     for (unsigned i = 0; i < CONFIG_BASIC_IDS; i++) {
         const struct config_basic_id *own = &aircraft->config->basic_id[i];
 
-        for (unsigned j = 0; j < 2; j++) {
-            const struct aircraft_native_id *native = &aircraft->native_basic_id[j];
+        if (own->id_type == native->id_type && strcmp(own->uas_id, native->uas_id) == 0) {
+            return true;
+        }
+    }
+    return false;
+}
 
-            if (own->uas_id[0] != '\0' && native->id_type != ODID_IDTYPE_NONE &&
-                own->id_type == native->id_type && strcmp(own->uas_id, native->uas_id) != 0) {
-                return true;
-            }
+/* One came that isn't broadcast, nor is what is configured. */
+static bool basic_id_conflict(const struct aircraft *aircraft)
+{
+    const struct config_basic_id *own = aircraft->config->basic_id;
+
+    for (unsigned i = 0; i < 2; i++) {
+        const struct aircraft_native_id *native = &aircraft->native_basic_id[i];
+        bool left_out = own[0].uas_id[0] != '\0' ||
+                        (own[1].uas_id[0] != '\0' && own[1].id_type == native->id_type);
+
+        if (native->id_type != ODID_IDTYPE_NONE && left_out && !is_configured(aircraft, native)) {
+            return true;
         }
     }
     return false;

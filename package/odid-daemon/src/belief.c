@@ -28,8 +28,9 @@
 #define JUMP_FULL_M (JUMP_MAX_M + SPEED_MAX_MPS * DELAY_S)
 #define METRES_PER_DEGREE 111320.0
 #define ALTITUDES_DIFFER_M 150.0
-#define ZERO_M 1000.0 /* so near to 0,0 only an estimator is, that has no fix */
-#define FIX_TYPE_2D 2 /* GPS_FIX_TYPE */
+#define ZERO_M 1000.0         /* so near to 0,0 only an estimator is, that has no fix */
+#define SECOND_FIX_US 3000000 /* a receiver says so once a second */
+#define FIX_TYPE_2D 2         /* GPS_FIX_TYPE */
 #define FIX_TYPE_3D 3
 /* The geoid changes by metres over tens of kilometres: so fast under the fastest aircraft. */
 #define SEPARATION_STEP_MAX_M 5.0
@@ -44,7 +45,8 @@
 #define NUMBERS_MAX_US 5000000.0
 #define NUMBERS_LOST_MAX 8 /* between two frames, or used for others */
 #define PACE_S 10.0
-#define YEAR_2019_US UINT64_C(1546300800000000) /* Remote ID's time begins */
+/* autopilot_clock.c takes the same years. */
+#define YEAR_2010_US UINT64_C(1262304000000000)
 #define YEAR_2100_US UINT64_C(4102444800000000)
 
 void belief_reset(struct belief *belief)
@@ -53,7 +55,8 @@ void belief_reset(struct belief *belief)
 
     memset(belief, 0, sizeof(*belief));
     belief->contradictions = contradictions;
-    belief->no_fix_us = belief->telemetry_us = INT64_MIN;
+    belief->no_fix_us = belief->second_fix_us = belief->telemetry_us = INT64_MIN;
+    belief->altitude[0].at_us = belief->altitude[1].at_us = INT64_MIN;
     for (unsigned i = 0; i < BELIEF_FAULT_COUNT; i++) {
         belief->contradicted_us[i] = INT64_MIN;
     }
@@ -160,10 +163,10 @@ static struct clock_word clock_word(struct belief_clock *clock, uint32_t at_ms, 
 /* The least delayed arrival tells how the clocks lie; but whoever comes a little early each time
  * would lead it away from the one that is believed, so once it is known it follows as clocks drift.
  */
-static void follow(struct belief_clock *clock, int64_t before_us, int64_t now_us)
+static void follow(struct belief_clock *clock, int64_t at_us, int64_t before_us, int64_t now_us)
 {
     int64_t drifted_us = (int64_t)((double)(now_us - before_us) * DRIFT);
-    int64_t offset_us = now_us - clock->last_us;
+    int64_t offset_us = now_us - at_us;
 
     if (offset_us >= clock->offset_us + drifted_us) {
         clock->offset_us += drifted_us;
@@ -189,8 +192,11 @@ static bool hear_clock(struct belief *belief, const struct clock_word *word, int
         clock->since_us = now_us;
         break;
     case CONTINUED:
+        follow(clock, clock->last_us + word->step_ms * 1000, before_us, now_us);
+        if (word->step_ms <= 0) {
+            return true; /* overtaken: the next one isn't measured by it */
+        }
         clock->last_us += word->step_ms * 1000;
-        follow(clock, before_us, now_us);
         break;
     }
     clock->last_ms = word->at_ms;
@@ -213,11 +219,12 @@ static double distance_m(const struct belief_place *a, const struct belief_place
     return hypot(b->latitude_deg - a->latitude_deg, east_deg) * METRES_PER_DEGREE;
 }
 
-/* What climbs faster than it flies: two sources' altitudes are above different things, so a hundred
- * metres say nothing. */
+/* What climbs faster than it flies: two sources' altitudes are above different things, so between
+ * them a hundred metres say nothing. */
 static double climb_m(const struct belief_place *a, const struct belief_place *b)
 {
-    double climbed_m = fabs(b->altitude_m - a->altitude_m) - ALTITUDES_DIFFER_M;
+    double differ_m = a->native == b->native ? 0 : ALTITUDES_DIFFER_M;
+    double climbed_m = fabs(b->altitude_m - a->altitude_m) - differ_m;
 
     return climbed_m > 0 ? climbed_m : 0; /* not when one is unknown */
 }
@@ -231,6 +238,25 @@ static double jump_left_m(double jump_m, const struct belief_place *from,
 
     return fmin(jump_m + SPEED_MAX_MPS * time_s - distance_m(from, to) - climb_m(from, to),
                 JUMP_FULL_M);
+}
+
+/* The last believed place, with the last altitude of the same kind: what can have been climbed
+ * since that one was said is taken off. */
+static struct belief_place last_place(const struct belief *belief, const struct belief_place *next)
+{
+    struct belief_place from = belief->at;
+    const struct belief_altitude *same = &belief->altitude[next->native];
+    double since_s, climbed_m;
+
+    if (same->at_us == INT64_MIN || isnan(next->altitude_m)) {
+        return from;
+    }
+    since_s = (double)(from.at_us - same->at_us) * 1e-6;
+    climbed_m = next->altitude_m - same->metres;
+    from.native = next->native;
+    from.altitude_m =
+        same->metres + copysign(fmin(fabs(climbed_m), SPEED_MAX_MPS * since_s), climbed_m);
+    return from;
 }
 
 static bool can_fly(const struct belief_place *from, const struct belief_place *to)
@@ -248,6 +274,17 @@ static bool confirmed(struct belief *belief, const struct belief_place *place)
            can_fly(&before, place);
 }
 
+/* Another receiver may have one. */
+static bool second_fix(const struct belief *belief, int64_t now_us)
+{
+    return belief->second_fix_us != INT64_MIN && now_us - belief->second_fix_us < SECOND_FIX_US;
+}
+
+static bool has_no_fix(const struct belief *belief, int64_t now_us)
+{
+    return belief->no_fix && !second_fix(belief, now_us);
+}
+
 /* No place begins while anybody says that there is no fix: the real one may be who says so. Nor
  * while two sources speak: nobody was there first. */
 static bool may_begin(const struct belief *belief, int64_t now_us)
@@ -255,7 +292,7 @@ static bool may_begin(const struct belief *belief, int64_t now_us)
     if (belief_contradicted(belief, now_us)) {
         return false;
     }
-    return belief->no_fix_us == INT64_MIN ||
+    return belief->no_fix_us == INT64_MIN || second_fix(belief, now_us) ||
            now_us - belief->no_fix_us >= PATIENCE_MIN_US + PATIENCE_MIN_US / 2;
 }
 
@@ -263,9 +300,10 @@ static bool hear_place(struct belief *belief, const struct belief_place *place,
                        const struct clock_word *clock, int64_t now_us)
 {
     struct belief_track *track = &belief->place;
-    bool nowhere = belief->no_fix ||
+    bool nowhere = has_no_fix(belief, now_us) ||
                    hypot(place->latitude_deg, place->longitude_deg) * METRES_PER_DEGREE < ZERO_M;
-    double left_m = track->known ? jump_left_m(belief->jump_m, &belief->at, place) : -1;
+    struct belief_place from = last_place(belief, place);
+    double left_m = track->known ? jump_left_m(belief->jump_m, &from, place) : -1;
     bool fits = left_m >= 0;
 
     if (clock != NULL && refuses(&clock->clock->track, clock->fits, now_us)) {
@@ -286,22 +324,28 @@ static bool hear_place(struct belief *belief, const struct belief_place *place,
         return false;
     }
     belief->at = *place;
+    if (!isnan(place->altitude_m)) {
+        belief->altitude[place->native] = (struct belief_altitude){place->altitude_m, now_us};
+    }
     belief->jump_m = fits ? left_m : JUMP_FULL_M;
     return clock == NULL || hear_clock(belief, clock, now_us);
 }
 
 /* ---- UTC ---- */
 
-static bool hear_utc(struct belief *belief, uint64_t unix_us, uint32_t boot_ms, int64_t now_us)
+static bool hear_utc(struct belief *belief, uint64_t *unix_us, uint32_t boot_ms, int64_t now_us)
 {
     int64_t offset_us, step_us, drifted_us = 0;
     bool fits;
 
-    if (unix_us < YEAR_2019_US || unix_us > YEAR_2100_US ||
-        (belief->no_fix && !belief->utc.known)) {
-        return true; /* it says nothing of UTC */
+    if (*unix_us < YEAR_2010_US || *unix_us > YEAR_2100_US) {
+        *unix_us = 0; /* it says nothing of UTC, to nobody */
+        return true;
     }
-    offset_us = (int64_t)unix_us - (int64_t)boot_ms * 1000;
+    if (has_no_fix(belief, now_us) && !belief->utc.known) {
+        return true; /* whoever has a fix all the same knows what it is worth */
+    }
+    offset_us = (int64_t)*unix_us - (int64_t)boot_ms * 1000;
     step_us = offset_us - belief->utc_offset_us;
     fits = belief->utc.known && llabs(step_us) <= UTC_STEP_MAX_US;
     if (fits) { /* it follows as clocks drift, and not whoever is a little ahead each time */
@@ -374,17 +418,26 @@ static bool hear_fix(struct belief *belief, struct telemetry_update *update, int
 
 /* ---- all of it ---- */
 
-static bool take_position(struct belief *belief, const struct telemetry_update *update,
-                          int64_t now_us)
+/* By so much a believed stamp is ahead of what can have been sent by now: who stamps ahead, as far
+ * as delays differ, makes the next ones of the real one look older than his. */
+static uint32_t ahead_ms(const struct belief *belief, uint32_t boot_ms, int64_t now_us)
+{
+    int64_t ahead_us = belief->boot.last_us - (now_us - belief->boot.offset_us);
+
+    return boot_ms == belief->boot.last_ms && ahead_us > 0 ? (uint32_t)(ahead_us / 1000) : 0;
+}
+
+static bool take_position(struct belief *belief, struct telemetry_update *update, int64_t now_us)
 {
     struct clock_word clock = clock_word(&belief->boot, update->global_position.boot_ms, 0, now_us);
     struct belief_place place = {update->global_position.latitude_deg,
                                  update->global_position.longitude_deg,
-                                 update->global_position.altitude_msl_m, now_us};
+                                 update->global_position.altitude_msl_m, now_us, false};
 
     if (!hear_place(belief, &place, &clock, now_us)) {
         return false;
     }
+    update->global_position.boot_ms -= ahead_ms(belief, update->global_position.boot_ms, now_us);
     belief->telemetry_us = isnan(place.latitude_deg) ? belief->telemetry_us : now_us;
     return true;
 }
@@ -397,26 +450,34 @@ static bool take_native(struct belief *belief, const struct telemetry_update *up
         clock_word(&belief->native, dated ? (uint32_t)(update->location.timestamp_s * 1000) : 0,
                    HOUR_MS, now_us);
     struct belief_place place = {update->location.latitude_deg, update->location.longitude_deg,
-                                 update->location.altitude_geodetic_m, now_us};
+                                 update->location.altitude_geodetic_m, now_us, true};
+    struct belief_place from = last_place(belief, &place);
 
     /* An estimator and a receiver may drift apart, both the autopilot's: telemetry's place counts,
      * and nobody is accused. */
     if (belief->telemetry_us != INT64_MIN && now_us - belief->telemetry_us < PATIENCE_MAX_US &&
-        belief->place.known && jump_left_m(belief->jump_m, &belief->at, &place) < 0) {
+        belief->place.known && jump_left_m(belief->jump_m, &from, &place) < 0) {
         return false;
     }
     return hear_place(belief, &place, dated ? &clock : NULL, now_us);
 }
 
-static bool take_time(struct belief *belief, const struct telemetry_update *update, int64_t now_us)
+static bool take_time(struct belief *belief, struct telemetry_update *update, int64_t now_us)
 {
     struct clock_word clock = clock_word(&belief->boot, update->system_time.boot_ms, 0, now_us);
+    uint32_t ahead;
 
     if (refuses(&belief->boot.track, clock.fits, now_us)) {
         return hear_clock(belief, &clock, now_us);
     }
-    return hear_utc(belief, update->system_time.unix_us, update->system_time.boot_ms, now_us) &&
-           hear_clock(belief, &clock, now_us);
+    if (!hear_utc(belief, &update->system_time.unix_us, update->system_time.boot_ms, now_us) ||
+        !hear_clock(belief, &clock, now_us)) {
+        return false;
+    }
+    ahead = ahead_ms(belief, update->system_time.boot_ms, now_us);
+    update->system_time.boot_ms -= ahead;
+    update->system_time.unix_us -= update->system_time.unix_us != 0 ? ahead * UINT64_C(1000) : 0;
+    return true;
 }
 
 bool belief_take(struct belief *belief, struct telemetry_update *update, int64_t now_us)
@@ -428,6 +489,11 @@ bool belief_take(struct belief *belief, struct telemetry_update *update, int64_t
         return take_time(belief, update, now_us);
     case TELEMETRY_GPS_RAW:
         return hear_fix(belief, update, now_us);
+    case TELEMETRY_GPS2_RAW:
+        if (update->gps_raw.fix_type >= FIX_TYPE_2D) {
+            belief->second_fix_us = now_us;
+        }
+        return true;
     case TELEMETRY_LOCATION:
         return take_native(belief, update, now_us);
     default:

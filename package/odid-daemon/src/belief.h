@@ -43,8 +43,14 @@ struct belief_clock {
 
 struct belief_place {
     double latitude_deg, longitude_deg;
-    double altitude_m; /* NAN: not said */
+    double altitude_m; /* NAN: not said; of native ones above the ellipsoid, else above the sea */
     int64_t at_us;
+    bool native;
+};
+
+struct belief_altitude {
+    double metres;
+    int64_t at_us; /* INT64_MIN: none */
 };
 
 /* Frames' sequence numbers. */
@@ -63,11 +69,13 @@ struct belief_numbers {
 struct belief {
     struct belief_clock boot, native; /* time since boot; native messages': since the full hour */
     struct belief_track place, utc, fix, geoid;
-    bool no_fix;                 /* the believed GPS_RAW_INT says so */
-    int64_t no_fix_us;           /* when somebody said so last; INT64_MIN: never */
-    int64_t telemetry_us;        /* when its place was believed last; INT64_MIN: never */
-    double separation_m;         /* of ellipsoid and geoid there */
-    struct belief_place at;      /* the believed source's last */
+    bool no_fix;                        /* the believed GPS_RAW_INT says so */
+    int64_t no_fix_us;                  /* when somebody said so last; INT64_MIN: never */
+    int64_t second_fix_us;              /* when another receiver had a fix; INT64_MIN: never */
+    int64_t telemetry_us;               /* when its place was believed last; INT64_MIN: never */
+    double separation_m;                /* of ellipsoid and geoid there */
+    struct belief_place at;             /* the believed source's last */
+    struct belief_altitude altitude[2]; /* the last of telemetry's, and of native ones */
     double jump_m;               /* what it may still jump: fills up as fast as an aircraft flies */
     struct belief_place another; /* the last one that it can't have flown to; at_us 0: none */
     int64_t utc_offset_us;       /* UTC minus time since boot */

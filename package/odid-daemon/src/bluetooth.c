@@ -96,6 +96,7 @@ static void open_adapter(struct bluetooth_adapter *adapter, int64_t now_us)
     adapter->repair = STEP_ON_AIR;
     adapter->enabling_again = adapter->full = adapter->slow = false;
     adapter->maximum_data = MESSAGES_EXTENDED_SIZE;
+    adapter->long_range_again_us = LOOP_NEVER;
     for (int i = 0; i < BLUETOOTH_SETS; i++) {
         const struct bluetooth_advertising *set = &adapter->sets[i];
 
@@ -155,6 +156,8 @@ static struct bluetooth_adapter *add_adapter(const char *name)
     adapter->hci.watch.fd = -1;
     adapter->reset_first = false;
     adapter->repair_logged_us = INT64_MIN / 2;
+    adapter->repair_from_us = INT64_MIN;
+    adapter->long_range_wait_us = BLUETOOTH_LONG_RANGE_WAIT_US;
     memset(adapter->sets, 0, sizeof(adapter->sets));
     retry_reset(&adapter->retry);
     loop_timer_init(&adapter->timer, on_timer, adapter);

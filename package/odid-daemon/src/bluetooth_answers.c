@@ -98,6 +98,10 @@ static bool give_up_long_range(struct bluetooth_adapter *adapter, const struct a
              answer->opcode, answer->status);
     long_range->possible = false;
     radio_enter(long_range->radio, long_range->channel, RADIO_UNSUPPORTED, detail, now_us);
+    /* Whoever had its set, or made it refuse, may be gone by then. */
+    adapter->long_range_again_us = now_us + adapter->long_range_wait_us;
+    adapter->long_range_wait_us *=
+        adapter->long_range_wait_us < BLUETOOTH_LONG_RANGE_WAIT_MAX_US ? 2 : 1;
     return true;
 }
 
@@ -148,6 +152,9 @@ static void come_on_air(struct bluetooth_adapter *adapter, int64_t now_us)
         if (!set->possible) {
             continue;
         }
+        if (i == BLUETOOTH_LONG_RANGE) {
+            adapter->long_range_wait_us = BLUETOOTH_LONG_RANGE_WAIT_US;
+        }
         if (i == BLUETOOTH_LEGACY) {
             snprintf(detail, sizeof(detail), "%s, every %d ms", adapter->name,
                      adapter->slow ? 100 : 20);
@@ -167,6 +174,7 @@ static void come_on_air(struct bluetooth_adapter *adapter, int64_t now_us)
          * another. */
         if (!adapter->enabling_again) {
             radio_accepted(set->radio, set->channel, now_us);
+            radio_confirmed(set->radio, now_us);
         }
     }
 }
@@ -222,13 +230,17 @@ static void take_data_answer(struct bluetooth_adapter *adapter, const struct ans
                              int64_t now_us)
 {
     const struct bluetooth_advertising *set = &adapter->sets[adapter->sending];
+    /* Nobody interferes, nor did a moment ago: what was switched off takes data as well. */
+    bool sends = adapter->repair == STEP_ON_AIR && now_us >= adapter->repair_from_us;
 
     if (answer->status != BLUETOOTH_SUCCESS) {
         set->radio->failures++;
         set_up_again(adapter, STEP_DISABLE, "new data was refused", answer, now_us);
         return;
     }
-    radio_accepted(set->radio, set->channel, now_us);
+    if ((radio_accepted(set->radio, set->channel, now_us) || !set->pending) && sends) {
+        radio_confirmed(set->radio, now_us);
+    }
 }
 
 /*
@@ -279,8 +291,11 @@ static void take_answer(struct bluetooth_adapter *adapter, const struct answer *
  */
 static void take_room(struct bluetooth_adapter *adapter, uint8_t commands, int64_t now_us)
 {
+    bool was_full = adapter->full;
+
     adapter->full = adapter->hci.h4 && commands == 0;
-    if (hci_is_open(&adapter->hci) && adapter->awaited == 0) {
+    /* However often it says that there is none. */
+    if (hci_is_open(&adapter->hci) && adapter->awaited == 0 && !(was_full && adapter->full)) {
         loop_arm(&adapter->timer, adapter->full ? now_us + BLUETOOTH_ANSWER_US : LOOP_NEVER);
     }
 }

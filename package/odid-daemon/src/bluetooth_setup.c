@@ -201,6 +201,16 @@ static void send_newest(struct bluetooth_adapter *adapter, int64_t now_us)
     }
 }
 
+/* From what this controller can on. */
+static void try_long_range_again(struct bluetooth_adapter *adapter, int64_t now_us)
+{
+    if (adapter->step == STEP_ON_AIR && now_us >= adapter->long_range_again_us) {
+        adapter->long_range_again_us = LOOP_NEVER;
+        adapter->step = STEP_FEATURES;
+        adapter->maximum_data = MESSAGES_EXTENDED_SIZE;
+    }
+}
+
 /* Goes back in the set-up when that is asked for. Too early, it is put off. */
 static void begin_repair(struct bluetooth_adapter *adapter, int64_t now_us)
 {
@@ -224,6 +234,7 @@ void bluetooth_advance(struct bluetooth_adapter *adapter, int64_t now_us)
         return;
     }
     begin_repair(adapter, now_us);
+    try_long_range_again(adapter, now_us);
     while (adapter->step < STEP_ON_AIR && !needed(adapter, adapter->step)) {
         adapter->step++;
     }

@@ -275,7 +275,7 @@ static bool is_path(const char *text)
 static bool is_interface(const char *text)
 {
     return text[0] != '\0' && strchr(LETTERS_AND_DIGITS, text[0]) != NULL &&
-           text[strspn(text, LETTERS_AND_DIGITS "._-")] == '\0';
+           text[strspn(text, LETTERS_AND_DIGITS "._-")] == '\0' && strcmp(text, "lo") != 0;
 }
 
 static bool is_user(const char *text)

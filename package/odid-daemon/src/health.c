@@ -66,9 +66,9 @@ bool health_required(const struct health_input *input, enum channel channel)
            (state != RADIO_UNSUPPORTED || input->radios[channel].starts > 0);
 }
 
-static bool on_air(const struct health_input *input, enum channel channel)
+static bool on_air(const struct health_input *input, enum channel channel, int64_t now_us)
 {
-    return input->radios[channel].state == RADIO_ON_AIR;
+    return radio_seen(&input->radios[channel], now_us) == RADIO_ON_AIR;
 }
 
 static const char *channel_advice(enum channel channel, enum radio_state state)
@@ -94,7 +94,8 @@ static const char *channel_advice(enum channel channel, enum radio_state state)
     }
 }
 
-static void judge_any_channel(struct health *health, const struct health_input *input)
+static void judge_any_channel(struct health *health, const struct health_input *input,
+                              int64_t now_us)
 {
     bool any_required = false, any_on_air = false;
 
@@ -102,9 +103,9 @@ static void judge_any_channel(struct health *health, const struct health_input *
     for (enum channel channel = 0; channel < CHANNELS; channel++) {
         if (health_required(input, channel)) {
             any_required = true;
-            health->on_air = health->on_air && on_air(input, channel);
+            health->on_air = health->on_air && on_air(input, channel, now_us);
         }
-        any_on_air = any_on_air || on_air(input, channel);
+        any_on_air = any_on_air || on_air(input, channel, now_us);
     }
     health->on_air = health->on_air && any_required;
     if (!any_on_air && any_required) {
@@ -117,21 +118,28 @@ static void judge_any_channel(struct health *health, const struct health_input *
 }
 
 /* opendroneid-core-c's table of what is mandatory: Bluetooth 4 by itself nowhere. */
-static void judge_mandatory_channel(struct health *health, const struct health_input *input)
+static void judge_mandatory_channel(struct health *health, const struct health_input *input,
+                                    int64_t now_us)
 {
-    if (on_air(input, CHANNEL_BT4) && !on_air(input, CHANNEL_BT5) && !on_air(input, CHANNEL_WIFI)) {
+    if (on_air(input, CHANNEL_BT4, now_us) && !on_air(input, CHANNEL_BT5, now_us) &&
+        !on_air(input, CHANNEL_WIFI, now_us)) {
         FAULT("EU rules count Wi-Fi or Bluetooth 5 long range, not Bluetooth 4: get one of them on "
               "the air.",
               "EU: Bluetooth 4 is not enough");
     }
 }
 
-static void judge_channels(struct health *health, const struct health_input *input)
+static void judge_channels(struct health *health, const struct health_input *input, int64_t now_us)
 {
     for (enum channel channel = 0; channel < CHANNELS; channel++) {
-        enum radio_state state = input->radios[channel].state;
+        const struct radio *radio = &input->radios[channel];
+        enum radio_state state = radio_seen(radio, now_us);
 
-        if (health_required(input, channel) && state != RADIO_ON_AIR) {
+        if (health_required(input, channel) && state != radio->state) {
+            FAULT("It takes too long for each payload, or another program works against it: read "
+                  "the log.",
+                  "%s stands still", channel_title(channel));
+        } else if (health_required(input, channel) && state != RADIO_ON_AIR) {
             FAULT(channel_advice(channel, state), "%s off: %s", channel_title(channel),
                   radio_state_name(state));
         }
@@ -225,10 +233,11 @@ static void judge_sources(struct health *health, const struct health_input *inpu
 {
     if (input->link->overrun_us != INT64_MIN &&
         now_us - input->link->overrun_us < AIRCRAFT_FRESH_US) {
-        FAULT("More comes to [mavlink] udp_port than anybody needs, and the autopilot's own frames "
-              "are "
-              "lost in it: find who sends it.",
-              "autopilot's link is flooded");
+        /* What the aircraft lacks by it is said as such; else whoever floods would decide whether
+         * it may arm. */
+        WARNING("More comes to [mavlink] udp_port than anybody needs, and some of the autopilot's "
+                "is lost: find who sends it.",
+                "autopilot's link is flooded");
     }
     if (input->contradicted) {
         FAULT("Something else speaks with the vehicle's system id: find it, switch it off. The one "
@@ -429,7 +438,7 @@ static void judge_daemon(struct health *health, const struct health_input *input
 void health_judge(struct health *health, const struct health_input *input, int64_t now_us)
 {
     memset(health, 0, sizeof(*health));
-    judge_any_channel(health, input);
+    judge_any_channel(health, input, now_us);
     if (input->updating) {
         FAULT("Wait until it is decided: odidctl update says how it stands.", "update in progress");
     }
@@ -447,8 +456,8 @@ void health_judge(struct health *health, const struct health_input *input, int64
     judge_operator_id(health, input->view);
     judge_link(health, input);
     judge_position(health, input, now_us);
-    judge_mandatory_channel(health, input);
-    judge_channels(health, input);
+    judge_mandatory_channel(health, input, now_us);
+    judge_channels(health, input, now_us);
     judge_failure(health, input);
     judge_serial_present(health, input->view);
     judge_conflicts(health, input->condition);

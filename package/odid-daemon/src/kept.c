@@ -106,26 +106,48 @@ static size_t show(const struct kept *kept, char text[TEXT_SIZE])
     return length;
 }
 
+/* Returns 0, or -errno. flags: beside O_WRONLY. */
+static int write_text(const char *path, int flags, const char *text, size_t length)
+{
+    int fd = open(path, O_WRONLY | O_NOFOLLOW | O_CLOEXEC | flags, 0644), result = 0;
+
+    if (fd < 0) {
+        return -errno;
+    }
+    errno = EIO;
+    if (write(fd, text, length) != (ssize_t)length || ftruncate(fd, (off_t)length) < 0) {
+        result = -errno;
+    }
+    close(fd);
+    return result;
+}
+
+/*
+ * Where there is no room for another file, or no descriptor for it, the old one
+ * must not stand: "no" of before the take-off would open maintenance in flight.
+ * What it has of memory takes the new text; else nobody is told anything.
+ */
 int kept_write(const char *run_dir, const struct kept *kept)
 {
     char path[PATH_SIZE], fresh[PATH_SIZE], text[TEXT_SIZE];
     size_t length = show(kept, text);
-    int fd, error = 0;
+    int result;
 
     snprintf(path, sizeof(path), "%s/" KEPT_FILE, run_dir);
     snprintf(fresh, sizeof(fresh), "%s/" KEPT_FILE ".new", run_dir);
-    fd = open(fresh, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
-    if (fd < 0) {
-        return -errno;
+    unlink(fresh); /* whoever left it, with whatever mode */
+    result = write_text(fresh, O_CREAT | O_EXCL, text, length);
+    if (result == 0 && rename(fresh, path) < 0) {
+        result = -errno;
     }
-    if (write(fd, text, length) != (ssize_t)length) {
-        error = errno != 0 ? errno : EIO;
+    if (result < 0) {
+        unlink(fresh);
+        result = write_text(path, 0, text, length);
     }
-    close(fd);
-    if (error == 0 && rename(fresh, path) < 0) {
-        error = errno;
+    if (result < 0) {
+        unlink(path);
     }
-    return -error;
+    return result;
 }
 
 /* ---- counters ---- */

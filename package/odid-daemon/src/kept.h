@@ -44,7 +44,8 @@ struct kept {
  */
 int kept_read(const char *run_dir, struct kept *kept);
 
-/* Replaces it atomically. Returns 0, or -errno. */
+/* Replaces it atomically; in place, where there is no room for another one. Returns 0, or -errno:
+ * then there is none. */
 int kept_write(const char *run_dir, const struct kept *kept);
 
 /* All counters there are. */

@@ -155,6 +155,7 @@ static void ask(const struct aircraft_condition *condition, uint8_t vehicle, int
     if (vehicle != self.asked_vehicle || condition->autopilot_restarts != self.asked_boot) {
         self.asked_vehicle = vehicle;
         self.asked_boot = condition->autopilot_restarts;
+        telemetry_restarted(self.telemetry);
         asking_begin(&self.asking, now_us);
     }
     if (config()->request_rate && condition->heartbeat_fresh &&

@@ -143,6 +143,7 @@ static struct json_object *ask(struct update_board *board)
     memset(board, 0, sizeof(*board));
     self.time_known = self.time_known || json_object_get_boolean(known);
     board->armed =
+        odidctl_says_armed(status) ||
         update_armed(&self.update, ran ? &kept : NULL, status != NULL, self.reason[0] != '\0');
     return status;
 }
@@ -442,11 +443,21 @@ static bool is_marked(void)
            is_trial(&variables, self.other);
 }
 
+/* Nothing is written to it any more; written: it was, for all that is known. */
+static void protect_other(bool written)
+{
+    if ((written || update_slot_is_writable(self.other)) && !is_marked() &&
+        update_slot_protect(self.other, false)) {
+        update_slot_spoil(self.other);
+    }
+    update_slot_protect(self.other, true);
+}
+
 /* SWUpdate marks the slot before it says so, and may fail or be ended between, or say that all went
  * well after a mere trial run: the mark counts, as it does for U-Boot. */
 static void on_ends(const char *why, int64_t now_us)
 {
-    bool broke_off = self.passed && self.update.stopped == NULL;
+    bool passed = self.passed, broke_off = passed && self.update.stopped == NULL;
 
     self.passed = self.stopping = false;
     if (is_beside(now_us)) {
@@ -455,10 +466,10 @@ static void on_ends(const char *why, int64_t now_us)
         self.overwritten = self.reason[0] != '\0';
         return;
     }
-    update_slot_protect(self.other, true);
     if (why[0] != '\0') {
         log_info("SWUpdate says: %s", why);
     }
+    protect_other(passed);
     if (is_marked()) {
         self.hawkbit_pause_us = HAWKBIT_PAUSE_US;
         update_installed(&self.update, now_us);
@@ -598,6 +609,7 @@ static void resume(bool first, int64_t now_us)
         if (recorded && self.record.slot == self.running) {
             keep(UPDATE_INSTALLED, self.version, "Version %s is installed.", self.version);
         } else if (recorded && first) {
+            protect_other(true);
             keep(UPDATE_REFUSED, self.record.to,
                  "The update was broken off, by power or a restart; nothing has changed.");
         }

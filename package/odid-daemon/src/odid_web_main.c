@@ -36,6 +36,7 @@ static const char usage[] =
     "  -run-dir, -flights-dir, -config, -data, -faults, -state, -apply: as of odidctl(1)\n"
     "  -help, -version\n";
 
+#define LISTEN_BACKLOG 128 /* of connections that are about to be made */
 #define DESCRIPTORS_MAX 128
 /* Of each connection. The kernel's own choice is megabytes: memory, and a browser that takes a
  * bundle for sent that lies here still. */
@@ -79,7 +80,7 @@ static int open_listener(void)
     fd = socket(place->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
     if (fd < 0 || setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof(on)) < 0 ||
         setsockopt(fd, SOL_SOCKET, SO_RCVBUF, &buffer, sizeof(buffer)) < 0 ||
-        bind(fd, place->ai_addr, place->ai_addrlen) < 0 || listen(fd, 16) < 0) {
+        bind(fd, place->ai_addr, place->ai_addrlen) < 0 || listen(fd, LISTEN_BACKLOG) < 0) {
         log_error("can't listen on %s: %s", self.listen, strerror(errno));
         if (fd >= 0) {
             close(fd);
@@ -113,6 +114,10 @@ static int enter_filter(void)
         result = seccomp_rule_add(filter, SCMP_ACT_ERRNO(EPERM), SCMP_SYS(socket), 1,
                                   SCMP_A0(SCMP_CMP_NE, AF_UNIX));
     }
+    if (result == 0) { /* maintenance that ends ends this half, too */
+        result = seccomp_rule_add(filter, SCMP_ACT_ERRNO(EPERM), SCMP_SYS(prctl), 1,
+                                  SCMP_A0(SCMP_CMP_EQ, PR_SET_PDEATHSIG));
+    }
     if (result == 0) {
         result = seccomp_load(filter);
     }
@@ -121,7 +126,7 @@ static int enter_filter(void)
 }
 
 /* Returns whether all rights are gone; if not, that was said. */
-static bool give_rights_away(void)
+static bool give_rights_away(pid_t parent)
 {
     const struct rlimit descriptors = {DESCRIPTORS_MAX, DESCRIPTORS_MAX}, none = {0, 0};
     const struct passwd *entry = self.user[0] == '\0' ? NULL : getpwnam(self.user);
@@ -141,6 +146,11 @@ static bool give_rights_away(void)
                   entry == NULL ? ": there is no such user" : "");
         return false;
     }
+    /* After the change of user, which clears it; the filter keeps it. And the parent may be gone by
+     * now. */
+    if (prctl(PR_SET_PDEATHSIG, SIGKILL) < 0 || getppid() != parent) {
+        return false;
+    }
     result = enter_filter();
     if (result < 0) {
         log_error("can't enter the system-call filter: %s", strerror(-result));
@@ -152,11 +162,7 @@ static bool give_rights_away(void)
 /* Never returns. */
 static void serve(pid_t parent)
 {
-    if (!give_rights_away()) {
-        _exit(EXIT_FAILURE);
-    }
-    /* After the change of user, which clears it; and the parent may be gone by now. */
-    if (prctl(PR_SET_PDEATHSIG, SIGKILL) < 0 || getppid() != parent) {
+    if (!give_rights_away(parent)) {
         _exit(EXIT_FAILURE);
     }
     log_error("the web server can't go on: %s", strerror(-web_server_run(&self.server)));

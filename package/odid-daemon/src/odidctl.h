@@ -37,6 +37,9 @@ int odidctl_watch(const struct odidctl_places *places);
 /* The daemon's status, or NULL with *error set. The caller puts it back. */
 struct json_object *odidctl_fetch(const char *run_dir, int *error);
 
+/* What the daemon itself says in that; NULL says nothing. */
+bool odidctl_says_armed(struct json_object *status);
+
 /*
  * NULL when the aircraft is disarmed; else why that can't be said, for people: to
  * begin a sentence. By what the daemon keeps (kept.h): one that was lost after

@@ -78,8 +78,15 @@ static const char armed_text[] = "The aircraft is armed";
 static const char unknown_text[] =
     "Whether the aircraft is armed isn't known, for the daemon doesn't answer";
 
-/* It may be about to start again. */
-static bool answers(const char *run_dir)
+bool odidctl_says_armed(struct json_object *status)
+{
+    struct json_object *aircraft = json_object_object_get(status, "aircraft");
+
+    return json_object_get_boolean(json_object_object_get(aircraft, "armed"));
+}
+
+/* It may be about to start again. *armed: what it says itself, too. */
+static bool answers(const char *run_dir, bool *armed)
 {
     const struct timespec pause = {.tv_nsec = 100000000};
     struct json_object *status;
@@ -88,6 +95,7 @@ static bool answers(const char *run_dir)
     for (int tries = 0; tries < TRIES; tries++) {
         status = odidctl_fetch(run_dir, &error);
         if (status != NULL) {
+            *armed = odidctl_says_armed(status);
             json_object_put(status);
             return true;
         }
@@ -102,13 +110,15 @@ static bool answers(const char *run_dir)
 /* Read again after the answer: a daemon that starts late may have something else to say. */
 static const char *not_disarmed(const char *run_dir, struct kept *kept)
 {
+    bool armed = false;
+
     if (kept_read(run_dir, kept) == 0 && kept->armed == KEPT_ARMED) {
         return armed_text;
     }
-    if (!answers(run_dir) || kept_read(run_dir, kept) < 0) {
+    if (!answers(run_dir, &armed) || kept_read(run_dir, kept) < 0) {
         return unknown_text;
     }
-    return kept->armed == KEPT_ARMED ? armed_text : NULL;
+    return armed || kept->armed == KEPT_ARMED ? armed_text : NULL;
 }
 
 const char *odidctl_not_disarmed(const struct odidctl_places *places)

@@ -27,6 +27,7 @@
 #define FILE_MAX 8192
 /* The installer has ended, and its outcome is not said: something is wrong. */
 #define PATIENCE_S 20
+#define STICK_FAILURES_MAX 2
 #define LOOK_MS 200
 
 extern char **environ;
@@ -248,14 +249,17 @@ static int hand_over(struct source *source, int installer, const struct odidctl_
     return code;
 }
 
-static int install(const struct odidctl_places *places, const char *name)
+/* *to_its_end: it was read, whatever came of it; else it may be another story next time. */
+static int install(const struct odidctl_places *places, const char *name, bool *to_its_end)
 {
     const struct timespec moment = {.tv_nsec = LOOK_MS * 1000000};
     struct before before = look_before(places);
     struct source source;
     int installer, code;
     bool whole;
+    char octet;
 
+    *to_its_end = false;
     if (!open_source(name, &source)) {
         return ODIDCTL_NOT_GOOD;
     }
@@ -270,6 +274,7 @@ static int install(const struct odidctl_places *places, const char *name)
     signal(SIGPIPE, SIG_IGN);
     code = hand_over(&source, installer, places, &before, &whole);
     ipc_end(installer);
+    *to_its_end = read(source.fd, &octet, 1) == 0;
     whole = close_source(&source) && whole;
     if (code < 0 && !whole) {
         complain_of(name, "could not be read to its end", "");
@@ -307,13 +312,57 @@ static bool is_wanted(const struct odidctl_places *places, const struct update_b
     return wanted;
 }
 
+/* A stick that is forgotten in the aircraft comes again at each power-on, and each time it would
+ * cost the other slot and keep the aircraft on the ground: a file that was read to its end and
+ * refused is left alone, and so is everything once as many came to nothing as a stick may cost. */
+static bool is_tried_again(const struct odidctl_places *places, const char *path,
+                           char identity[UPDATE_IDENTITY_SIZE])
+{
+    char kept[ODIDCTL_PATH_SIZE], before[UPDATE_IDENTITY_SIZE], failures[16];
+    struct stat file = {0};
+    const char *name = strrchr(path, '/');
+
+    stat(path, &file);
+    snprintf(identity, UPDATE_IDENTITY_SIZE, "%lld %lld %.60s", (long long)file.st_size,
+             (long long)file.st_mtime, name == NULL ? path : name + 1);
+    snprintf(kept, sizeof(kept), "%s/" UPDATE_STICK_FILE, places->data);
+    whole_file_line(kept, before, sizeof(before));
+    snprintf(kept, sizeof(kept), "%s/" UPDATE_STICK_FAILURES_FILE, places->state);
+    whole_file_line(kept, failures, sizeof(failures));
+    if (strcmp(identity, before) == 0) {
+        puts("This file was tried and came to nothing: it is left alone. Copy it anew, or give it "
+             "by "
+             "the page.");
+        return true;
+    }
+    if (atoi(failures) >= STICK_FAILURES_MAX) {
+        puts("Two bundles from sticks came to nothing since power-on: no other one is tried.");
+        return true;
+    }
+    return false;
+}
+
+static void remember_failure(const struct odidctl_places *places, const char *identity)
+{
+    char kept[ODIDCTL_PATH_SIZE], text[16];
+
+    snprintf(kept, sizeof(kept), "%s/" UPDATE_STICK_FILE, places->data);
+    whole_file_replace(kept, identity, strlen(identity), 0644);
+    snprintf(kept, sizeof(kept), "%s/" UPDATE_STICK_FAILURES_FILE, places->state);
+    whole_file_line(kept, text, sizeof(text));
+    snprintf(text, sizeof(text), "%d\n", atoi(text) + 1);
+    whole_file_replace(kept, text, strlen(text), 0644);
+}
+
 /* The newest bundle of the folder, as one that nobody asked for: the gate is told so, and judges by
  * the description that was verified. This one only saves work. */
 static int install_from(const struct odidctl_places *places, const char *folder)
 {
     char hardware[UPDATE_HARDWARE_SIZE], name[NAME_MAX + 1];
     char path[ODIDCTL_PATH_SIZE + NAME_MAX + 2];
+    char identity[UPDATE_IDENTITY_SIZE];
     struct update_bundle bundle;
+    bool to_its_end;
     int unattended, result;
 
     snprintf(path, sizeof(path), "%s/hardware", places->state);
@@ -325,7 +374,8 @@ static int install_from(const struct odidctl_places *places, const char *folder)
                result == -ENOENT ? "" : strerror(-result));
         return ODIDCTL_NOT_GOOD;
     }
-    if (!is_wanted(places, &bundle)) {
+    snprintf(path, sizeof(path), "%s/%s", folder, name);
+    if (!is_wanted(places, &bundle) || is_tried_again(places, path, identity)) {
         return ODIDCTL_NOT_GOOD;
     }
     unattended = update_gate_say(places->state, "unattended");
@@ -333,10 +383,12 @@ static int install_from(const struct odidctl_places *places, const char *folder)
         fputs("odidctl: the service update doesn't answer: nothing is installed.\n", stderr);
         return ODIDCTL_NO_ANSWER;
     }
-    printf("Version %s is installed.\n", bundle.version);
-    snprintf(path, sizeof(path), "%s/%s", folder, name);
-    result = install(places, path);
+    printf("Version %s is tried.\n", bundle.version);
+    result = install(places, path, &to_its_end);
     close(unattended);
+    if (result == ODIDCTL_NOT_GOOD && to_its_end) {
+        remember_failure(places, identity);
+    }
     return result;
 }
 
@@ -357,6 +409,7 @@ static int cancel(const struct odidctl_places *places)
 int odidctl_update(const struct odidctl_places *places, const char *name)
 {
     struct stat file;
+    bool to_its_end;
 
     setenv("TMPDIR", "/run/swupdate", 0); /* where libswupdate looks for SWUpdate */
     if (name == NULL) {
@@ -366,5 +419,5 @@ int odidctl_update(const struct odidctl_places *places, const char *name)
         return cancel(places);
     }
     return stat(name, &file) == 0 && S_ISDIR(file.st_mode) ? install_from(places, name)
-                                                           : install(places, name);
+                                                           : install(places, name, &to_its_end);
 }

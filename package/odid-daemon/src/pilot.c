@@ -77,14 +77,15 @@ static void send_text(struct pilot *pilot, uint8_t vehicle, uint8_t severity, co
 void pilot_channel(struct pilot *pilot, uint8_t vehicle, enum channel channel,
                    const struct radio *radio, int64_t now_us)
 {
-    bool on_air = radio->state == RADIO_ON_AIR;
+    enum radio_state state = radio_seen(radio, now_us);
+    bool on_air = state == RADIO_ON_AIR;
     char text[80];
 
     if (!on_air && pilot->seen[channel] && !pilot->lost[channel] &&
-        now_us - radio->since_us >= TOLD_AFTER_US) {
+        now_us - radio_seen_since_us(radio, now_us) >= TOLD_AFTER_US) {
         pilot->lost[channel] = true;
         snprintf(text, sizeof(text), "Remote ID: %s off air (%s)", channel_title(channel),
-                 radio_state_name(radio->state));
+                 radio_state_name(state));
         send_text(pilot, vehicle, MAV_SEVERITY_WARNING, text);
     } else if (on_air && pilot->lost[channel]) {
         pilot->lost[channel] = false;

@@ -72,12 +72,32 @@ void radio_replaced(struct radio *radio)
     radio->replaced += radio->state == RADIO_ON_AIR ? 1 : 0;
 }
 
-void radio_accepted(struct radio *radio, enum channel channel, int64_t now_us)
+bool radio_accepted(struct radio *radio, enum channel channel, int64_t now_us)
 {
-    (void)channel;
+    int64_t in_time_us = channel == CHANNEL_BT4 ? RADIO_ONE_IN_TIME_US : RADIO_PACK_IN_TIME_US;
+    bool in_time = radio->accepted_us != INT64_MIN && now_us - radio->accepted_us < in_time_us;
+
     radio->accepted_us = now_us;
     radio->payloads++;
-    radio_confirmed(radio, now_us);
+    return in_time;
+}
+
+enum radio_state radio_seen(const struct radio *radio, int64_t now_us)
+{
+    int64_t last_us = radio->confirmed_us;
+
+    if (last_us == INT64_MIN || last_us < radio->since_us) {
+        last_us = radio->since_us;
+    }
+    return radio->state == RADIO_ON_AIR && now_us - last_us > RADIO_STALE_US ? RADIO_LOST
+                                                                             : radio->state;
+}
+
+int64_t radio_seen_since_us(const struct radio *radio, int64_t now_us)
+{
+    return radio_seen(radio, now_us) != radio->state && radio->confirmed_us > radio->since_us
+               ? radio->confirmed_us
+               : radio->since_us;
 }
 
 void radio_confirmed(struct radio *radio, int64_t now_us)

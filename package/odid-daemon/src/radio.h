@@ -24,6 +24,12 @@ enum radio_state {
 #define RADIO_DETAIL_SIZE 112
 /* Confirmations come every second or oftener; later than this, the content had a gap. */
 #define RADIO_PAUSE_US 1500000
+/* Then nothing of what is to be said goes out in time. */
+#define RADIO_STALE_US 2500000
+/* One message each 400 ms, and the fourth has its turn within the 3 s that it may take; all of them
+ * in a pack, and each has Location's second. */
+#define RADIO_ONE_IN_TIME_US 400000
+#define RADIO_PACK_IN_TIME_US 1000000
 
 struct radio {
     enum radio_state state;
@@ -51,10 +57,17 @@ void radio_enter(struct radio *radio, enum channel channel, enum radio_state sta
 
 /* A payload was made while an older one still waited for the radio. */
 void radio_replaced(struct radio *radio);
-/* A payload was taken: the channel is on air. */
-void radio_accepted(struct radio *radio, enum channel channel, int64_t now_us);
-/* The radio says that it transmits what it was given last, and nothing newer waits. */
+/* A payload was taken. Returns whether that is soon enough after the one before for each message to
+ * keep its time. */
+bool radio_accepted(struct radio *radio, enum channel channel, int64_t now_us);
+/* The radio says that it transmits what it was given last; and nothing newer waits, or it takes
+ * them in time. */
 void radio_confirmed(struct radio *radio, int64_t now_us);
+/* The state as everybody is told it: one that is on the air and wasn't confirmed for long is lost,
+ * however well it answers. */
+enum radio_state radio_seen(const struct radio *radio, int64_t now_us);
+/* When that one began. */
+int64_t radio_seen_since_us(const struct radio *radio, int64_t now_us);
 
 /* Capped exponential retry: 250 ms, 500 ms, then every second. */
 struct retry {

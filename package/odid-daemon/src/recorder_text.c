@@ -28,9 +28,11 @@ static enum kind kind_of(const struct recorder_text *text, size_t at)
     static const struct {
         const char *event;
         enum kind kind;
-    } events[] = {{"start", KIND_KEPT},  {"first_broadcast", KIND_KEPT},
-                  {"update", KIND_KEPT}, {"totals", KIND_TOTALS},
-                  {"clock", KIND_CLOCK}, {"dropped", KIND_DROPPED}};
+    } events[] = {{"start", KIND_KEPT},
+                  {"first_broadcast", KIND_KEPT},
+                  {"totals", KIND_TOTALS},
+                  {"clock", KIND_CLOCK},
+                  {"dropped", KIND_DROPPED}};
     static const char key[] = "\"event\":\"";
     size_t length = line_length(text, at), rest;
     const char *line = text->bytes + at;

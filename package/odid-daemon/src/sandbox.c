@@ -92,6 +92,7 @@ static const int allowed[] = {
     /* the take-off point and our sockets in the run directory */
     SCMP_SYS(chmod),
     SCMP_SYS(fchmodat),
+    SCMP_SYS(ftruncate),
     SCMP_SYS(unlink),
     SCMP_SYS(unlinkat),
     SCMP_SYS(rename),
@@ -224,12 +225,27 @@ static bool is_ours(int family)
     return false;
 }
 
+#define SOCKET_TYPE_MASK 0xf
+
+/* Of the internet's family datagrams only: raw ones, with CAP_NET_RAW, would read along what comes
+ * to the page, its password among it, and get past the firewall. */
+static int add_internet(scmp_filter_ctx filter, uint32_t action, int type)
+{
+    return seccomp_rule_add(filter, action, SCMP_SYS(socket), 2, SCMP_A0(SCMP_CMP_EQ, AF_INET),
+                            SCMP_A1(SCMP_CMP_MASKED_EQ, SOCKET_TYPE_MASK, (scmp_datum_t)type));
+}
+
 /* Netlink (with CAP_NET_ADMIN: the firewall) and packets among them. */
 static int refuse_other_sockets(scmp_filter_ctx filter, uint32_t refuse)
 {
     int result = seccomp_rule_add(filter, refuse, SCMP_SYS(socket), 1,
                                   SCMP_A0(SCMP_CMP_GE, (scmp_datum_t)FAMILIES_MAX));
 
+    for (int type = 0; result == 0 && type <= SOCKET_TYPE_MASK; type++) {
+        if (type != SOCK_DGRAM) {
+            result = add_internet(filter, refuse, type);
+        }
+    }
     for (int family = 0; result == 0 && family < FAMILIES_MAX; family++) {
         if (!is_ours(family)) {
             result = seccomp_rule_add(filter, refuse, SCMP_SYS(socket), 1,
@@ -273,8 +289,10 @@ static int add_rules(scmp_filter_ctx filter)
         }
     }
     for (size_t i = 0; i < sizeof(socket_families) / sizeof(socket_families[0]); i++) {
-        result = seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(socket), 1,
-                                  SCMP_A0(SCMP_CMP_EQ, (scmp_datum_t)socket_families[i]));
+        result = socket_families[i] == AF_INET
+                     ? add_internet(filter, SCMP_ACT_ALLOW, SOCK_DGRAM)
+                     : seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(socket), 1,
+                                        SCMP_A0(SCMP_CMP_EQ, (scmp_datum_t)socket_families[i]));
         if (result < 0) {
             return result;
         }

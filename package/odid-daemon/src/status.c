@@ -66,6 +66,7 @@ int64_t status_lateness_p99_us(const struct status_lateness *lateness)
 static struct {
     struct loop_watch watch;
     struct loop_timer pause;
+    const char *run_dir;
     status_gather_fn *gather;
     void *context;
     char answer[STATUS_ANSWER_MAX];
@@ -142,13 +143,6 @@ static void on_connection(void *context, uint32_t events, int64_t now_us)
     }
 }
 
-static void after_pause(void *context, int64_t now_us)
-{
-    (void)context;
-    (void)now_us;
-    loop_watch_events(&self.watch, EPOLLIN);
-}
-
 /* For our own group, and root: there is no secret in it, but whoever asks costs time. */
 static int bind_and_listen(int fd, const struct sockaddr_un *address)
 {
@@ -162,25 +156,46 @@ static int bind_and_listen(int fd, const struct sockaddr_un *address)
     return loop_watch(&self.watch, fd, EPOLLIN, on_connection, NULL);
 }
 
-int status_start(const char *run_dir, status_gather_fn *gather, void *context)
+static int open_socket(void)
 {
     struct sockaddr_un address = {.sun_family = AF_UNIX};
     int length =
-        snprintf(address.sun_path, sizeof(address.sun_path), "%s/%s", run_dir, STATUS_SOCKET);
-    int fd = -1, result = -ENAMETOOLONG;
+        snprintf(address.sun_path, sizeof(address.sun_path), "%s/%s", self.run_dir, STATUS_SOCKET);
+    int fd, result;
 
+    if (length >= (int)sizeof(address.sun_path)) {
+        return -ENAMETOOLONG;
+    }
+    fd = socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+    result = fd < 0 ? -errno : bind_and_listen(fd, &address);
+    if (result < 0 && fd >= 0) {
+        close(fd);
+    }
+    return result;
+}
+
+static void after_pause(void *context, int64_t now_us)
+{
+    (void)context;
+    if (self.watch.fd >= 0) {
+        loop_watch_events(&self.watch, EPOLLIN);
+    } else if (open_socket() < 0) {
+        loop_arm(&self.pause, now_us + PAUSE_US);
+    }
+}
+
+int status_start(const char *run_dir, status_gather_fn *gather, void *context)
+{
+    int result;
+
+    self.run_dir = run_dir;
     self.gather = gather;
     self.context = context;
     loop_timer_init(&self.pause, after_pause, NULL);
-    if (length < (int)sizeof(address.sun_path)) {
-        fd = socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
-        result = fd < 0 ? -errno : bind_and_listen(fd, &address);
-    }
-    if (result < 0) {
+    result = open_socket();
+    if (result < 0) { /* whoever asks for armed gets no answer: tried again */
         log_warning("no status socket %s/%s: %s", run_dir, STATUS_SOCKET, strerror(-result));
-        if (fd >= 0) {
-            close(fd);
-        }
+        loop_arm(&self.pause, loop_now_us() + PAUSE_US);
     }
     return result;
 }

@@ -41,7 +41,7 @@ struct status_snapshot {
 };
 typedef void status_gather_fn(void *context, struct status_snapshot *snapshot, int64_t now_us);
 
-/* Returns 0, or -errno with a log line; the daemon goes on without. */
+/* Returns 0, or -errno with a log line: then it is tried again each second. run_dir stays. */
 int status_start(const char *run_dir, status_gather_fn *gather, void *context);
 
 #endif

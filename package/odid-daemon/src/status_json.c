@@ -89,10 +89,10 @@ static void add_channels(struct json_object *root, const struct health_input *in
         struct json_object *object = add_object(channels, channel_name(channel));
 
         add_text(object, "title", channel_title(channel));
-        add_text(object, "state", radio_state_name(radio->state));
+        add_text(object, "state", radio_state_name(radio_seen(radio, now_us)));
         add_text(object, "detail", radio->detail);
         add_bool(object, "required", health_required(input, channel));
-        add_age(object, "since_s", radio->since_us, now_us);
+        add_age(object, "since_s", radio_seen_since_us(radio, now_us), now_us);
         add_age(object, "last_accepted_s", radio->accepted_us, now_us);
         add_age(object, "confirmed_s", radio->confirmed_us, now_us);
         add_age(object, "unbroken_s", radio->unbroken_us, now_us);

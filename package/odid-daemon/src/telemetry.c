@@ -58,6 +58,11 @@ struct telemetry *telemetry_init(telemetry_fn *deliver, void *context)
     return &telemetry;
 }
 
+void telemetry_restarted(struct telemetry *telemetry)
+{
+    telemetry->identified = telemetry->authenticated = false;
+}
+
 void telemetry_expect(struct telemetry *telemetry, uint8_t vehicle, bool armed, int64_t now_us)
 {
     telemetry->vehicle = telemetry->kept = vehicle;

@@ -140,6 +140,9 @@ void telemetry_receive(struct telemetry *telemetry, unsigned stream, const uint8
 void telemetry_receive_datagram(struct telemetry *telemetry, unsigned stream, const uint8_t *bytes,
                                 size_t length, int64_t now_us);
 
+/* The autopilot has started again: it hasn't said yet who it is, and a ground station may. */
+void telemetry_restarted(struct telemetry *telemetry);
+
 /* Before a restart of ours, or at the power-on before, the vehicle was this one (0: unknown), and
  * armed or not: its telemetry counts from now on, before its HEARTBEAT, and it may return at any
  * time: whoever is heard first after power-on is not the vehicle by that. */

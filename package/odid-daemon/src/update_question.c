@@ -56,9 +56,9 @@ static void fill_offer(struct update_offer *offer, const struct update_bundle *b
         .slot_octets = update_slot_octets(question->other),
         .undecided = question->beside || known < 0 || variables.upgrade_available,
         .given_up = variables.trial_failed == question->running,
-        .armed = ran && kept.armed == KEPT_ARMED ? UPDATE_ARMED
-                 : status == NULL || !ran        ? UPDATE_ARMED_UNKNOWN
-                                                 : UPDATE_DISARMED,
+        .armed = (ran && kept.armed == KEPT_ARMED) || odidctl_says_armed(status) ? UPDATE_ARMED
+                 : status == NULL || !ran ? UPDATE_ARMED_UNKNOWN
+                                          : UPDATE_DISARMED,
         .remembers = access(FAULTS "/data", F_OK) < 0,
     };
     json_object_put(status);

@@ -62,13 +62,17 @@ void web_places_come(int fd, int64_t now_us)
     self.places[self.count++] = (struct place){.fd = fd, .since_us = now_us};
 }
 
-void web_places_know(int fd)
+void web_places_know(int fd, bool known)
 {
     struct place *place = find(fd);
 
-    if (place != NULL) {
-        place->known = true;
+    if (place == NULL || place->known == known) {
+        return;
     }
+    if (!known) { /* whose session is over: one stranger more */
+        end_oldest_stranger();
+    }
+    place->known = known;
 }
 
 void web_places_answered(int fd, int64_t now_us)

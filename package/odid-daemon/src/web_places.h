@@ -11,6 +11,7 @@
 #ifndef ODID_WEB_PLACES_H
 #define ODID_WEB_PLACES_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 #define WEB_STRANGERS_MAX 20
@@ -20,8 +21,8 @@
 
 void web_places_come(int fd, int64_t now_us);
 
-/* Its request was a session's. */
-void web_places_know(int fd);
+/* Whether its request was a session's. */
+void web_places_know(int fd, bool known);
 
 /* A request is answered: the next one has its own time. */
 void web_places_answered(int fd, int64_t now_us);

@@ -301,9 +301,7 @@ static bool is_known(struct request *request)
     bool known = token_of(request->connection, request->token) &&
                  web_helper_known(self.server->helper, request->token);
 
-    if (known) {
-        web_places_know(fd_of(request->connection));
-    }
+    web_places_know(fd_of(request->connection), known);
     return known;
 }
 

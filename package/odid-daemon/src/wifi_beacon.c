@@ -179,7 +179,9 @@ static void take_success(int64_t now_us)
     self.fresh = self.pending; /* by another one, meanwhile */
     snprintf(detail, sizeof(detail), "%s, in every beacon", self.config->wifi_iface);
     radio_enter(self.radio, CHANNEL_WIFI, RADIO_ON_AIR, detail, now_us);
-    radio_accepted(self.radio, CHANNEL_WIFI, now_us);
+    if (radio_accepted(self.radio, CHANNEL_WIFI, now_us) || !self.pending) {
+        radio_confirmed(self.radio, now_us);
+    }
 }
 
 static void on_reply(void *context, const char *reply, int64_t now_us)

@@ -86,6 +86,7 @@ static inline void fixture_reset(void)
         fixture.radios[channel].unbroken_us = NOW - 4900000;
     }
     radio_init(&fixture.radios[CHANNEL_BT5], RADIO_UNSUPPORTED, NOW - 5000000);
+    fixture.radios[CHANNEL_BT5].confirmed_us = NOW - 50000; /* for those that put it on the air */
     fixture.input = (struct health_input){
         .config = &fixture.config,
         .view = &fixture.view,

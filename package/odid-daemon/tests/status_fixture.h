@@ -29,6 +29,9 @@ static inline void gather(void *context, struct status_snapshot *snapshot, int64
     unsigned *calls = context;
 
     *calls += 1;
+    for (enum channel channel = 0; channel < CHANNELS; channel++) {
+        fixture.radios[channel].confirmed_us = now_us - 50000;
+    }
     snapshot->input = fixture.input;
     health_judge(&snapshot->health, &fixture.input, now_us);
     snapshot->counters = &counters;

@@ -82,18 +82,6 @@ static void the_same_serial_number_is_no_conflict(void **state)
     assert_false(condition.basic_id_conflict);
 }
 
-static void a_native_id_of_another_type_fills_the_second_place(void **state)
-{
-    (void)state;
-    configure(0, 1, 1, "SSRS5GBG01");
-    native_id(2, 1, "SE-123");
-    look();
-    assert_int_equal(view.basic_ids, 2);
-    assert_id(0, 1, 1, "SSRS5GBG01", SOURCE_CONFIGURATION);
-    assert_id(1, 2, 1, "SE-123", SOURCE_NATIVE);
-    assert_false(condition.basic_id_conflict);
-}
-
 static void two_native_ids_are_kept_side_by_side(void **state)
 {
     (void)state;
@@ -122,18 +110,20 @@ static void ground_stations_id(uint8_t id_type, const char *id)
     give(&update);
 }
 
-/* One of another type stood beside the right one on every channel, and nothing was said of it. */
-static void a_ground_station_adds_no_id_to_a_configured_one(void **state)
+/* One of another type stood beside the right one on every channel. ArduPilot repeats it as its own.
+ */
+static void nobody_adds_an_id_to_a_configured_one(void **state)
 {
     (void)state;
     configure(0, 1, 2, "SSRS5GBG01");
     ground_stations_id(2, "N-FALSE");
     look();
     assert_int_equal(view.basic_ids, 1);
-    native_id(2, 2, "SE-ABC"); /* the vehicle itself may */
+    native_id(2, 2, "N-FALSE");
     look();
-    assert_int_equal(view.basic_ids, 2);
-    assert_id(1, 2, 2, "SE-ABC", SOURCE_NATIVE);
+    assert_int_equal(view.basic_ids, 1);
+    assert_id(0, 1, 2, "SSRS5GBG01", SOURCE_CONFIGURATION);
+    assert_true(condition.basic_id_conflict);
 }
 
 static void what_a_ground_station_said_of_it_ends_with_the_vehicles_own_word(void **state)
@@ -174,11 +164,11 @@ static void the_second_place_alone_may_be_configured(void **state)
 static void an_id_of_20_characters_is_kept_whole(void **state)
 {
     (void)state;
-    configure(0, 1, 1, "ABCDFGHJKLMNPQRSTUVW");
-    native_id(2, 1, "abcdfghjklmnpqrstuvw");
+    native_id(1, 1, "ABCDFGHJKLMNPQRSTUVW");
+    configure(1, 2, 1, "abcdfghjklmnpqrstuvw");
     look();
-    assert_id(0, 1, 1, "ABCDFGHJKLMNPQRSTUVW", SOURCE_CONFIGURATION);
-    assert_id(1, 2, 1, "abcdfghjklmnpqrstuvw", SOURCE_NATIVE);
+    assert_id(0, 2, 1, "abcdfghjklmnpqrstuvw", SOURCE_CONFIGURATION);
+    assert_id(1, 1, 1, "ABCDFGHJKLMNPQRSTUVW", SOURCE_NATIVE);
 }
 
 /* A UUID may begin with a zero byte. */
@@ -510,9 +500,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup(a_configured_serial_number_wins_over_the_native_one, begin_setup),
         cmocka_unit_test_setup(the_same_serial_number_is_no_conflict, begin_setup),
-        cmocka_unit_test_setup(a_native_id_of_another_type_fills_the_second_place, begin_setup),
         cmocka_unit_test_setup(two_native_ids_are_kept_side_by_side, begin_setup),
-        cmocka_unit_test_setup(a_ground_station_adds_no_id_to_a_configured_one, begin_setup),
+        cmocka_unit_test_setup(nobody_adds_an_id_to_a_configured_one, begin_setup),
         cmocka_unit_test_setup(what_a_ground_station_said_of_it_ends_with_the_vehicles_own_word,
                                begin_setup),
         cmocka_unit_test_setup(two_configured_ids_leave_no_room_for_a_third, begin_setup),

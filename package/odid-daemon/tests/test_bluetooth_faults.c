@@ -163,6 +163,116 @@ static void an_endless_fight_is_fought_once_a_slot(void **state)
     assert_true(loop_until(is_whole, 200));
 }
 
+/* As slots do. */
+static void give_payloads_for(int64_t ms)
+{
+    static uint8_t counter;
+
+    for (int64_t end_us = loop_now_us() + ms * 1000; loop_now_us() < end_us;) {
+        set_legacy(++counter);
+        set_extended(counter);
+        run_ms(125);
+    }
+}
+
+static bool all_are_told_that_it_is_lost(void)
+{
+    return radio_seen(&bt4, loop_now_us()) == RADIO_LOST &&
+           radio_seen(&bt5, loop_now_us()) == RADIO_LOST;
+}
+
+static void fight(void *context, int64_t now_us)
+{
+    (void)context;
+    if (fake.sets[0].enabled) {
+        fake_foreign(&fake, 0x2039, off, sizeof(off));
+    }
+    loop_arm(&enemy_timer, now_us + 1000);
+}
+
+/* It answers everything, its data too, and is off nearly all the time. */
+static void who_is_switched_off_each_time_is_not_on_the_air(void **state)
+{
+    (void)state;
+    start_whole();
+    loop_timer_init(&enemy_timer, fight, NULL);
+    loop_arm(&enemy_timer, 0);
+    give_payloads_for(4000);
+    assert_true(all_are_told_that_it_is_lost());
+    loop_arm(&enemy_timer, LOOP_NEVER);
+    give_payloads_for(1000);
+    assert_false(all_are_told_that_it_is_lost());
+    assert_true(is_whole());
+}
+
+static void answer_late(void *context, int64_t now_us)
+{
+    (void)context;
+    fake_release(&fake);
+    loop_arm(&enemy_timer, now_us + 900000);
+}
+
+/* Each within its second, and a message has its turn every fourteen. */
+static void who_answers_slowly_is_not_on_the_air(void **state)
+{
+    (void)state;
+    start_whole();
+    give_payloads_for(5000);
+    assert_false(all_are_told_that_it_is_lost());
+    fake.holds = true;
+    loop_timer_init(&enemy_timer, answer_late, NULL);
+    loop_arm(&enemy_timer, loop_now_us() + 900000);
+    give_payloads_for(6000);
+    assert_int_equal(bt4.state, RADIO_ON_AIR);
+    assert_true(all_are_told_that_it_is_lost());
+    fake.holds = false;
+    give_payloads_for(2000);
+    loop_arm(&enemy_timer, LOOP_NEVER);
+    assert_false(all_are_told_that_it_is_lost());
+}
+
+static bool bt5_is_given_up(void)
+{
+    return bt5.state == RADIO_UNSUPPORTED;
+}
+
+static void long_range_comes_back_when_whoever_had_its_set_is_gone(void **state)
+{
+    (void)state;
+    start_whole();
+    fake.sets_max = 1;
+    fake_foreign(&fake, 0x0C03, NULL, 0);
+    assert_true(loop_until(bt5_is_given_up, 1000));
+    give_payloads_for(12000); /* asked again, in vain */
+    assert_true(bt5_is_given_up());
+    fake.sets_max = 2;
+    give_payloads_for(21000);
+    assert_true(both_on_air());
+}
+
+/* What another program's refused command says is taken for ours. */
+static void a_foreign_refusal_takes_nothing_for_good(void **state)
+{
+    (void)state;
+    start_whole();
+    fake.holds = true;
+    fake_foreign(&fake, 0x0C03, NULL, 0);
+    for (int i = 0; i < 40; i++) {
+        uint16_t opcode = fake.commands[(fake.count - 1) % 2048].opcode;
+
+        if (opcode == 0x207F || opcode == 0x2036) {
+            fake_complete(&fake, opcode, 0x12);
+        }
+        fake_release(&fake);
+        run_ms(5);
+    }
+    fake.holds = false;
+    fake_release(&fake);
+    give_payloads_for(12000);
+    assert_true(both_on_air());
+    assert_non_null(strstr(bt5.detail, "S=8"));
+}
+
 static void refused_data_makes_a_new_set_up(void **state)
 {
     (void)state;
@@ -283,6 +393,20 @@ static void a_controller_that_never_has_room_is_lost(void **state)
     assert_true(loop_until(bt4_came_back, 700));
 }
 
+/* Nor is one that says so again and again. */
+static void a_controller_that_keeps_saying_so_is_lost(void **state)
+{
+    static const uint8_t no_room[] = {4, 0x0E, 3, 0, 0, 0};
+
+    (void)state;
+    start_whole();
+    for (int i = 0; i < 8 && !bt4_is_lost(); i++) {
+        fake_send(&fake, no_room, sizeof(no_room));
+        run_ms(500);
+    }
+    assert_true(bt4_is_lost());
+}
+
 /* A reset between a command of ours and its answer would be another case: the command fails. */
 static void run_until_nothing_is_asked(void)
 {
@@ -321,6 +445,10 @@ int main(void)
         TEST(foreign_data_is_replaced_by_the_newest),
         TEST(what_changes_nothing_is_no_interference),
         TEST(an_endless_fight_is_fought_once_a_slot),
+        TEST(who_is_switched_off_each_time_is_not_on_the_air),
+        TEST(who_answers_slowly_is_not_on_the_air),
+        TEST(long_range_comes_back_when_whoever_had_its_set_is_gone),
+        TEST(a_foreign_refusal_takes_nothing_for_good),
         TEST(refused_data_makes_a_new_set_up),
         TEST(a_refused_set_up_is_tried_again_later),
         TEST(an_unplugged_controller_comes_back_by_itself),
@@ -329,6 +457,7 @@ int main(void)
         TEST(a_hardware_error_restarts_everything),
         TEST(a_stream_out_of_step_is_opened_and_reset),
         TEST(a_controller_that_never_has_room_is_lost),
+        TEST(a_controller_that_keeps_saying_so_is_lost),
         TEST(the_set_up_may_be_interfered_with),
     };
 

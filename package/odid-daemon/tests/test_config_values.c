@@ -102,6 +102,8 @@ static void wrong_values(void **state)
         {"broadcast", "wifi_iface = -a",
          "wifi_iface = \"-a\": expected an interface such as wlan0, at most 15 bytes; using wlan0"},
         {"broadcast", "wifi_iface = wl-x.0_1", NULL},
+        {"broadcast", "wifi_iface = lo",
+         "wifi_iface = \"lo\": expected an interface such as wlan0, at most 15 bytes; using wlan0"},
         {"broadcast", "hostapd_dir = run/hostapd",
          "hostapd_dir = \"run/hostapd\": expected an absolute path, at most 80 bytes; using "
          "/run/hostapd"},

@@ -272,6 +272,15 @@ static void time_unknown(void **state)
 
 /* ---- channels ---- */
 
+static void a_channel_that_answers_and_stands_still(void **state)
+{
+    (void)state;
+    fixture.radios[CHANNEL_BT5].state = RADIO_ON_AIR; /* so that the EU rule is met */
+    fixture.radios[CHANNEL_WIFI].confirmed_us = NOW - RADIO_STALE_US - 1;
+    expect_one(HEALTH_FAULT, "Wi-Fi beacon stands still");
+    assert_false(health.on_air);
+}
+
 static void each_state_of_a_channel(void **state)
 {
     static const struct {
@@ -428,7 +437,7 @@ static void a_flood_keeps_from_arming_while_it_lasts(void **state)
 {
     (void)state;
     fixture.link.overrun_us = NOW - 2900000;
-    expect_one(HEALTH_FAULT, "autopilot's link is flooded");
+    expect_one(HEALTH_WARNING, "autopilot's link is flooded");
     fixture.link.overrun_us = NOW - 3000000;
     judge();
     assert_int_equal(health.count, 0);
@@ -477,6 +486,7 @@ int main(void)
         TEST(slow_positions),
         TEST(operator_location),
         TEST(time_unknown),
+        TEST(a_channel_that_answers_and_stands_still),
         TEST(each_state_of_a_channel),
         TEST(what_is_required),
         TEST(bluetooth_4_alone),

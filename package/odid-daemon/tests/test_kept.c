@@ -9,10 +9,14 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <math.h>
+#include <sched.h>
 #include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mount.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include "kept.h"
@@ -69,6 +73,70 @@ static void what_was_written_is_read(void **state)
     assert_true(fabs(out.takeoff.longitude_deg - in.takeoff.longitude_deg) < 1e-8);
     assert_true(fabs(out.takeoff.altitude_msl_m - in.takeoff.altitude_msl_m) < 1e-3);
     assert_true(isnan(out.takeoff.altitude_geodetic_m));
+}
+
+/* On a file system of its own, which somebody has filled to the last byte. */
+static int arm_on_a_full_disk(bool poisoned)
+{
+    static const struct kept grounded = {.vehicle = 7, .armed = KEPT_DISARMED};
+    static const struct kept flying = {
+        .vehicle = 7, .armed = KEPT_ARMED, .armed_once = true, .takeoff = {.known = true}};
+    static const char zeros[4096];
+    char other[64];
+    struct kept out;
+    int fd, result;
+
+    if (unshare(CLONE_NEWNS) < 0 || mount("none", "/", NULL, MS_REC | MS_PRIVATE, NULL) < 0 ||
+        mount("none", directory, "tmpfs", 0, "size=64k") < 0) {
+        return 77;
+    }
+    snprintf(other, sizeof(other), "%s/other", directory);
+    if (kept_write(directory, &grounded) < 0) {
+        return 1;
+    }
+    if (poisoned) { /* nor is the old one to be written to */
+        if (unlink(path) < 0 || mkdir(path, 0700) < 0) {
+            return 2;
+        }
+        return kept_write(directory, &flying) < 0 && kept_read(directory, &out) < 0 ? 0 : 3;
+    }
+    fd = open(other, O_WRONLY | O_CREAT, 0600);
+    while (write(fd, zeros, sizeof(zeros)) > 0) {
+    }
+    close(fd);
+    result = kept_write(directory, &flying);
+    if (result < 0 || kept_read(directory, &out) < 0) {
+        return 4;
+    }
+    return out.armed == KEPT_ARMED && out.armed_once && out.takeoff.known ? 0 : 5;
+}
+
+static void in_a_child(bool poisoned)
+{
+    pid_t child = fork();
+    int status = 0;
+
+    if (child == 0) {
+        _exit(arm_on_a_full_disk(poisoned));
+    }
+    assert_int_equal(waitpid(child, &status, 0), child);
+    if (WIFEXITED(status) && WEXITSTATUS(status) == 77) {
+        print_message("skipped: mounting is not allowed here\n");
+        skip();
+    }
+    assert_int_equal(status, 0);
+}
+
+static void a_full_disk_does_not_keep_an_old_no(void **state)
+{
+    (void)state;
+    in_a_child(false);
+}
+
+static void what_cannot_be_written_is_not_there(void **state)
+{
+    (void)state;
+    in_a_child(true);
 }
 
 static void a_finished_flights_point_is_gone(void **state)
@@ -247,6 +315,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(what_was_written_is_read),
+        cmocka_unit_test(a_full_disk_does_not_keep_an_old_no),
+        cmocka_unit_test(what_cannot_be_written_is_not_there),
         cmocka_unit_test(a_finished_flights_point_is_gone),
         cmocka_unit_test(nonsense_is_unknown),
         cmocka_unit_test(armed_is_kept),

@@ -22,7 +22,7 @@
 
 static struct {
     size_t length;
-    uint8_t bytes[8192];
+    uint8_t bytes[131072];
     unsigned streams[TELEMETRY_STREAMS]; /* bytes a stream */
     unsigned resets;
 } got;
@@ -208,7 +208,7 @@ static void more_senders_than_streams_take_the_longest_silent_place(void **state
 /* A flood waits its turn, and what the kernel had no room for is counted. */
 static void a_flood_is_taken_in_portions(void **state)
 {
-    const unsigned sent = 5000, portion = 32, portion_ms = 5;
+    const unsigned sent = 5000, portion = 128, portion_ms = 5;
     int fd = udp_sender(config.udp_port);
     size_t taken;
 
@@ -233,6 +233,46 @@ static void a_flood_is_taken_in_portions(void **state)
     close(fd);
 }
 
+/* A burst of what a ground station may send, in frames as small as there are. */
+static void a_burst_of_small_frames_is_taken_whole(void **state)
+{
+    static const char frame[13];
+    int fd = udp_sender(config.udp_port);
+    uint64_t overrun = link_status()->overrun;
+
+    (void)state;
+    run_ms(20);
+    got.length = 0;
+    for (int i = 0; i < 5; i++) {
+        for (int j = 0; j < 150; j++) {
+            assert_int_equal(send(fd, frame, sizeof(frame), 0), sizeof(frame));
+        }
+        run_ms(10);
+    }
+    run_ms(50);
+    assert_int_equal(got.length, 750 * sizeof(frame));
+    assert_int_equal(link_status()->overrun, overrun);
+    close(fd);
+}
+
+static void large_ones_are_fewer(void **state)
+{
+    static const char datagram[1400];
+    int fd = udp_sender(config.udp_port);
+
+    (void)state;
+    run_ms(20);
+    got.length = 0;
+    for (int i = 0; i < 60; i++) {
+        assert_int_equal(send(fd, datagram, sizeof(datagram), 0), sizeof(datagram));
+    }
+    run_ms(1);
+    assert_int_equal(got.length, 12 * sizeof(datagram));
+    run_ms(50);
+    assert_int_equal(got.length, 60 * sizeof(datagram));
+    close(fd);
+}
+
 static int start_loop(void **state)
 {
     (void)state;
@@ -246,6 +286,8 @@ int main(void)
         cmocka_unit_test(udp_keeps_senders_apart_and_answers_each),
         cmocka_unit_test(more_senders_than_streams_take_the_longest_silent_place),
         cmocka_unit_test(a_flood_is_taken_in_portions),
+        cmocka_unit_test(a_burst_of_small_frames_is_taken_whole),
+        cmocka_unit_test(large_ones_are_fewer),
     };
 
     return cmocka_run_group_tests(tests, start_loop, NULL);

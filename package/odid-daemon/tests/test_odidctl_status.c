@@ -131,6 +131,18 @@ static void armed_is_what_the_daemon_keeps(void **state)
     assert_string_equal(said, "unknown never 7\n");
 }
 
+/* A file that it couldn't replace. */
+static void what_it_says_itself_counts_beside_an_old_no(void **state)
+{
+    pid_t daemon = answer_with("{\"on_air\": true, \"aircraft\": {\"armed\": true}}");
+
+    (void)state;
+    keep_armed("no");
+    assert_int_equal(CALL("armed"), 0);
+    assert_string_equal(said, "armed never 7\n");
+    end(daemon);
+}
+
 static void factory_reset(void **state)
 {
     pid_t daemon = answer_with("{\"on_air\": true}");
@@ -205,6 +217,7 @@ int main(void)
         TEST(faults_in_json),
         TEST(updates),
         TEST(armed_is_what_the_daemon_keeps),
+        TEST(what_it_says_itself_counts_beside_an_old_no),
         TEST(factory_reset),
         TEST(faults_without_a_daemon),
         TEST(nonsense_for_an_answer),

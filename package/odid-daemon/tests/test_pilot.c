@@ -131,6 +131,7 @@ static unsigned channel_at(enum radio_state state, int64_t since_us, int64_t now
 
     radio.state = state;
     radio.since_us = since_us;
+    radio.confirmed_us = now_us;
     pilot_channel(&pilot, VEHICLE, CHANNEL_BT4, &radio, now_us);
     return sent_count - before;
 }

@@ -27,7 +27,8 @@ static void the_time_of_a_state_is_that_of_its_beginning(void **state)
     assert_string_equal(radio.detail, "every 100 ms");
     radio_enter(&radio, CHANNEL_BT4, RADIO_ON_AIR, NULL, 40);
     assert_int_equal(radio.starts, 2);
-    radio_accepted(&radio, CHANNEL_BT4, 50);
+    assert_false(radio_accepted(&radio, CHANNEL_BT4, 50));
+    radio_confirmed(&radio, 50);
     assert_int_equal(radio.accepted_us, 50);
     assert_int_equal(radio.payloads, 1);
 }
@@ -40,13 +41,15 @@ static void a_pause_ends_what_was_unbroken(void **state)
     radio_init(&radio, RADIO_STARTING, 5);
     assert_int_equal(radio.confirmed_us, INT64_MIN);
     assert_int_equal(radio.unbroken_us, INT64_MIN);
-    radio_accepted(&radio, CHANNEL_WIFI, 50);
+    radio_accepted(&radio, CHANNEL_BT4, 50);
+    radio_confirmed(&radio, 50);
     assert_int_equal(radio.unbroken_us, 50);
     radio_confirmed(&radio, 50 + RADIO_PAUSE_US);
     assert_int_equal(radio.unbroken_us, 50);
     assert_int_equal(radio.confirmed_us, 50 + RADIO_PAUSE_US);
     assert_int_equal(radio.accepted_us, 50);
-    radio_accepted(&radio, CHANNEL_WIFI, 51 + 2 * RADIO_PAUSE_US);
+    radio_accepted(&radio, CHANNEL_BT4, 51 + 2 * RADIO_PAUSE_US);
+    radio_confirmed(&radio, 51 + 2 * RADIO_PAUSE_US);
     assert_int_equal(radio.unbroken_us, 51 + 2 * RADIO_PAUSE_US);
 }
 

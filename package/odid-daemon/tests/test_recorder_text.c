@@ -87,6 +87,30 @@ static void months_of_power(void **state)
     assert_non_null(memmem(bench.text.bytes + bench.text.length - 2048, 2048, "\"fault\"", 7));
 }
 
+/* Whoever runs on the board can pretend one each second, and a server can offer what is refused. */
+static void a_thousand_updates_take_nothing_else(void **state)
+{
+    char sentence[160];
+
+    (void)state;
+    take_off();
+    for (int i = 0; i < 1000; i++) {
+        memset(sentence, i % 2 ? 'x' : '\"', sizeof(sentence) - 1);
+        sentence[sizeof(sentence) - 1] = '\0';
+        recorder_say_update(&bench.recorder, sentence, bench.now_us);
+        pass(1);
+        recorder_say_totals(&bench.recorder);
+        bench.text.stored = bench.text.length;
+    }
+    read_record();
+    assert_true(bench.flight.started);
+    assert_int_equal(bench.flight.bad, 0);
+    assert_int_equal(count_in_text("\"event\":\"start\""), 1);
+    assert_int_equal(count_in_text("\"event\":\"first_broadcast\""), 2);
+    assert_true(bench.flight.totals.armed_us >= 999 * SECOND);
+    assert_true(bench.flight.dropped > 500);
+}
+
 static void what_was_dropped_is_known_after_a_restart(void **state)
 {
     static struct recorder_text again;
@@ -255,6 +279,7 @@ int main(void)
         TEST(totals_that_were_not_written_are_replaced),
         TEST(a_long_flight_keeps_its_events),
         TEST(months_of_power),
+        TEST(a_thousand_updates_take_nothing_else),
         TEST(what_was_dropped_is_known_after_a_restart),
         TEST(a_file_of_something_else),
         TEST(a_line_without_end_is_not_taken),

@@ -9,6 +9,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <linux/capability.h>
+#include <netinet/in.h>
 #include <poll.h>
 #include <pwd.h>
 #include <signal.h>
@@ -102,6 +103,17 @@ static void open_a_packet_socket(void)
     syscall(SYS_socket, AF_PACKET, SOCK_RAW, 0);
 }
 
+/* It gets a copy of all that comes to any port here. */
+static void open_a_raw_internet_socket(void)
+{
+    syscall(SYS_socket, AF_INET, SOCK_RAW | SOCK_CLOEXEC, IPPROTO_TCP);
+}
+
+static void open_a_stream(void)
+{
+    syscall(SYS_socket, AF_INET, SOCK_STREAM, 0);
+}
+
 static char folder[] = "/tmp/odid-sandbox-XXXXXX";
 
 /* Each step that fails leaves with its line; one that is forbidden ends with SIGSYS. */
@@ -190,6 +202,8 @@ static void executable_memory_and_foreign_sockets_end_it_too(void **state)
     need_root();
     assert_killed_by_filter(sandboxed(map_executable_memory, false));
     assert_killed_by_filter(sandboxed(open_a_packet_socket, false));
+    assert_killed_by_filter(sandboxed(open_a_raw_internet_socket, false));
+    assert_killed_by_filter(sandboxed(open_a_stream, false));
 }
 
 static void what_the_daemon_does_is_allowed(void **state)
@@ -254,6 +268,9 @@ static void break_out(void)
     MUST(refused(syscall(SYS_socket, AF_PACKET, SOCK_RAW, 0)));
     MUST(refused(syscall(SYS_socket, AF_NETLINK, SOCK_RAW, 0)));
     MUST(refused(syscall(SYS_socket, 1000, SOCK_RAW, 0)));
+    MUST(refused(syscall(SYS_socket, AF_INET, SOCK_RAW, IPPROTO_TCP)));
+    MUST(refused(syscall(SYS_socket, AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)));
+    MUST(syscall(SYS_socket, AF_INET, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0) >= 0);
     leave(HELD);
 }
 

@@ -259,6 +259,7 @@ static void over_the_socket(void **state)
     unsigned calls = 0;
 
     (void)state;
+    strcpy(directory + strlen(directory) - 6, "XXXXXX");
     assert_non_null(mkdtemp(directory));
     snprintf(path, sizeof(path), "%s/%s", directory, STATUS_SOCKET);
     fclose(fopen(path, "we")); /* left behind by the one before */
@@ -381,6 +382,39 @@ static void a_flood_of_connections(void **state)
     rmdir(directory);
 }
 
+/* Nor while the whole system has no descriptor left. */
+static bool is_there(void)
+{
+    char path[64];
+    struct stat file;
+
+    snprintf(path, sizeof(path), "%s/later/%s", directory, STATUS_SOCKET);
+    return stat(path, &file) == 0;
+}
+
+static void a_place_that_is_there_later(void **state)
+{
+    static char later[64];
+    unsigned calls = 0;
+    char path[80];
+
+    (void)state;
+    strcpy(directory + strlen(directory) - 6, "XXXXXX");
+    assert_non_null(mkdtemp(directory));
+    snprintf(later, sizeof(later), "%s/later", directory);
+    assert_int_equal(loop_init(), 0);
+    assert_int_equal(status_start(later, gather, &calls), -ENOENT);
+    assert_int_equal(mkdir(later, 0700), 0);
+    for (int i = 0; i < 600 && !is_there(); i++) {
+        run_ms(100);
+    }
+    assert_true(is_there());
+    snprintf(path, sizeof(path), "%s/%s", later, STATUS_SOCKET);
+    unlink(path);
+    rmdir(later);
+    rmdir(directory);
+}
+
 static void places_where_it_cannot_be(void **state)
 {
     char long_name[200];
@@ -404,6 +438,7 @@ int main(void)
         TEST(what_is_unknown_is_null),
         TEST(foreign_bytes),
         TEST(problems_and_sentences),
+        TEST(a_place_that_is_there_later),
         TEST(over_the_socket),
         TEST(a_link_is_not_followed),
         TEST(a_flood_of_connections),

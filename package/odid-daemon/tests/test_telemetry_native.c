@@ -144,6 +144,8 @@ static void a_ground_station_gives_no_identity_to_an_aircraft_that_has_one(void 
     assert_true(accepted(native(BASIC_ID, VEHICLE, AUTOPILOT, 0, 0)));
     assert_false(accepted(native(BASIC_ID, GROUND_STATION, 190, 0, 0)));
     assert_true(accepted(native(SYSTEM, GROUND_STATION, 190, 0, 0)));
+    telemetry_restarted(telemetry); /* what it had said is gone with that */
+    assert_true(accepted(native(BASIC_ID, GROUND_STATION, 190, 0, 0)));
 }
 
 /* ArduPilot says an empty one when nobody has filled it. */

@@ -3,16 +3,17 @@
  *     mavlink-routerd [-c FILE] [DEVICE[:BAUD]]
  *
  * One serial endpoint, up to eight UDP endpoints. What comes in by one goes out by all others, one
- * MAVLink frame a datagram. It routes nothing by system id. It ends, with 1, when the serial port
- * hangs up or vanishes. Sections and keys it knows: [General] (TcpServerPort has to be 0 or absent,
- * the rest is passed over), [UartEndpoint x] Device, Baud; [UdpEndpoint x] Mode, Address, Port,
+ * MAVLink frame a datagram. It ends, with 1, when the serial port hangs up or vanishes. Sections
+ * and keys it knows: [General] (TcpServerPort has to be 0 or absent, the rest is passed over),
+ * [UartEndpoint x] Device, Baud, BlockSrcCompIn; [UdpEndpoint x] Mode, Address, Port,
  * AllowSrcCompIn, BlockSrcCompIn, BlockSrcSysIn, BlockMsgIdIn (one); other keys of endpoints are
  * passed over, other sections are refused.
  *
- * As mavlink-router's version 4 does (src/endpoint.cpp: read_msg, allowed_by_incoming_filters): a
- * frame ends where its length says, also one with flags that nobody knows; it is passed on whole;
- * the filters hold for frames of any message, known or not. Not as it: checksums of known messages
- * aren't looked at. */
+ * As mavlink-router's version 4 does (src/endpoint.cpp: read_msg, allowed_by_incoming_filters,
+ * accept_msg): a frame ends where its length says, also one with flags that nobody knows; it is
+ * passed on whole; the filters hold for frames of any message, known or not; an endpoint by which a
+ * system's component was heard is sent nothing of that one's any more. Not as it: what has a target
+ * goes out by all endpoints, and checksums of known messages aren't looked at. */
 
 #include <arpa/inet.h>
 #include <errno.h>
@@ -30,6 +31,14 @@
 #define MAX_UDP 8
 #define BUFFER 4096
 
+/* Of what comes in by an endpoint. */
+struct filter {
+    bool only_listed; /* AllowSrcCompIn is set */
+    bool allowed_component[256], blocked_component[256], blocked_system[256];
+    int blocked_message;       /* 0: none */
+    bool lives_here[256][256]; /* systems' components that were heard by it */
+};
+
 struct udp {
     char name[64];
     bool server; /* waits for a peer, and answers the last one that spoke */
@@ -37,14 +46,13 @@ struct udp {
     int port;
     int fd;
     struct sockaddr_in peer; /* sin_port 0: none yet */
-    bool only_listed;        /* AllowSrcCompIn is set */
-    bool allowed_component[256], blocked_component[256], blocked_system[256];
-    int blocked_message; /* 0: none */
+    struct filter filter;
 };
 
 static char device[256];
 static int baud = 57600;
 static int uart = -1;
+static struct filter uart_filter;
 static struct udp udps[MAX_UDP];
 static int udp_count;
 
@@ -109,6 +117,7 @@ static enum section open_section(char *name)
 static void set_key(enum section section, const char *key, const char *value)
 {
     struct udp *udp = udp_count ? &udps[udp_count - 1] : NULL;
+    struct filter *filter = section == UART ? &uart_filter : section == UDP ? &udp->filter : NULL;
     if (section == GENERAL && strcasecmp(key, "TcpServerPort") == 0 && number(value, 0, 65535) != 0)
         die("TcpServerPort", "the relay has no TCP server; 0 expected");
     else if (section == UART && strcasecmp(key, "Device") == 0)
@@ -116,14 +125,14 @@ static void set_key(enum section section, const char *key, const char *value)
     else if (section == UART && strcasecmp(key, "Baud") == 0)
         baud = number(value, 1, 4000000);
     else if (section == UDP && strcasecmp(key, "AllowSrcCompIn") == 0) {
-        udp->only_listed = true;
-        set_list(udp->allowed_component, value);
-    } else if (section == UDP && strcasecmp(key, "BlockSrcCompIn") == 0)
-        set_list(udp->blocked_component, value);
+        filter->only_listed = true;
+        set_list(filter->allowed_component, value);
+    } else if (filter && strcasecmp(key, "BlockSrcCompIn") == 0)
+        set_list(filter->blocked_component, value);
     else if (section == UDP && strcasecmp(key, "BlockSrcSysIn") == 0)
-        set_list(udp->blocked_system, value);
+        set_list(filter->blocked_system, value);
     else if (section == UDP && strcasecmp(key, "BlockMsgIdIn") == 0)
-        udp->blocked_message = number(value, 1, 0xFFFFFF);
+        filter->blocked_message = number(value, 1, 0xFFFFFF);
     else if (section == UDP && strcasecmp(key, "Mode") == 0) {
         if (strcasecmp(value, "Normal") != 0 && strcasecmp(value, "Server") != 0)
             die(value, "Mode: Normal or Server expected");
@@ -219,12 +228,42 @@ static void open_udp(struct udp *udp)
 
 /* --- Relaying --------------------------------------------------------------- */
 
-/* A full buffer or a peer that isn't there loses the frame, as a radio link would. */
-static void send_udp(const struct udp *except, const unsigned char *data, size_t length)
+static int system_of(const unsigned char *frame)
 {
+    return frame[0] == 0xFE ? frame[3] : frame[5];
+}
+
+static int component_of(const unsigned char *frame)
+{
+    return frame[0] == 0xFE ? frame[4] : frame[6];
+}
+
+static bool may_enter(const struct filter *filter, const unsigned char *frame)
+{
+    int message = frame[0] == 0xFE ? frame[5] : frame[7] | frame[8] << 8 | frame[9] << 16;
+
+    if (filter->blocked_message != 0 && message == filter->blocked_message)
+        return false;
+    return !(filter->only_listed && !filter->allowed_component[component_of(frame)]) &&
+           !filter->blocked_component[component_of(frame)] &&
+           !filter->blocked_system[system_of(frame)];
+}
+
+static bool lives_there(const struct filter *filter, const unsigned char *frame)
+{
+    return filter->lives_here[system_of(frame)][component_of(frame)];
+}
+
+/* A full buffer or a peer that isn't there loses the frame, as a radio link would. */
+static void pass_on(const struct filter *from, const unsigned char *frame, size_t length)
+{
+    if (from != &uart_filter && !lives_there(&uart_filter, frame) &&
+        write(uart, frame, length) < 0 && errno != EAGAIN && errno != EINTR)
+        die(device, strerror(errno));
     for (int i = 0; i < udp_count; i++)
-        if (&udps[i] != except && udps[i].peer.sin_port != 0)
-            (void)sendto(udps[i].fd, data, length, 0, (struct sockaddr *)&udps[i].peer,
+        if (&udps[i].filter != from && udps[i].peer.sin_port != 0 &&
+            !lives_there(&udps[i].filter, frame))
+            (void)sendto(udps[i].fd, frame, length, 0, (struct sockaddr *)&udps[i].peer,
                          sizeof(udps[i].peer));
 }
 
@@ -238,49 +277,42 @@ static size_t frame_length(const unsigned char *data, size_t have)
     return (size_t)data[1] + 12 + (data[2] & 1 ? 13 : 0);
 }
 
+/* Passes on the whole frames in it; returns how much of it that was. */
+static size_t take(struct filter *from, const unsigned char *data, size_t have)
+{
+    size_t at = 0, length;
+
+    while (at < have) {
+        if (data[at] != 0xFE && data[at] != 0xFD) {
+            at++;
+            continue;
+        }
+        length = frame_length(data + at, have - at);
+        if (length == 0 || length > have - at)
+            break;
+        if (may_enter(from, data + at)) {
+            from->lives_here[system_of(data + at)][component_of(data + at)] = true;
+            pass_on(from, data + at, length);
+        }
+        at += length;
+    }
+    return at;
+}
+
 static void from_uart(void)
 {
     static unsigned char buffer[BUFFER];
     static size_t have;
+    size_t taken;
     ssize_t got = read(uart, buffer + have, sizeof(buffer) - have);
     if (got < 0 && (errno == EAGAIN || errno == EINTR))
         return;
     if (got <= 0)
         die(device, got < 0 ? strerror(errno) : "hung up");
     have += (size_t)got;
-    size_t at = 0;
-    while (at < have) {
-        if (buffer[at] != 0xFE && buffer[at] != 0xFD) {
-            at++;
-            continue;
-        }
-        size_t length = frame_length(buffer + at, have - at);
-        if (length == 0 || length > have - at)
-            break;
-        send_udp(NULL, buffer + at, length);
-        at += length;
-    }
-    have -= at;
-    memmove(buffer, buffer + at, have);
-}
-
-static bool may_enter(const struct udp *udp, const unsigned char *frame)
-{
-    int system = frame[0] == 0xFE ? frame[3] : frame[5];
-    int component = frame[0] == 0xFE ? frame[4] : frame[6];
-    int message = frame[0] == 0xFE ? frame[5] : frame[7] | frame[8] << 8 | frame[9] << 16;
-
-    if (udp->blocked_message != 0 && message == udp->blocked_message)
-        return false;
-    return !(udp->only_listed && !udp->allowed_component[component]) &&
-           !udp->blocked_component[component] && !udp->blocked_system[system];
-}
-
-static void pass_on(const struct udp *from, const unsigned char *frame, size_t length)
-{
-    if (write(uart, frame, length) < 0 && errno != EAGAIN && errno != EINTR)
-        die(device, strerror(errno));
-    send_udp(from, frame, length);
+    taken = take(&uart_filter, buffer, have);
+    have -= taken;
+    memmove(buffer, buffer + taken, have);
 }
 
 static void from_udp(struct udp *udp)
@@ -293,19 +325,7 @@ static void from_udp(struct udp *udp)
         return; /* ECONNREFUSED of an earlier datagram, or nothing after all */
     if (udp->server)
         udp->peer = sender;
-    size_t at = 0, have = (size_t)got;
-    while (at < have) {
-        if (data[at] != 0xFE && data[at] != 0xFD) {
-            at++;
-            continue;
-        }
-        size_t length = frame_length(data + at, have - at);
-        if (length == 0 || length > have - at)
-            break;
-        if (may_enter(udp, data + at))
-            pass_on(udp, data + at, length);
-        at += length;
-    }
+    take(&udp->filter, data, (size_t)got);
 }
 
 static void relay(void)

@@ -42,7 +42,7 @@ def drained(peer, until):
 class Line:
     """The relay between a serial line and two UDP peers of this test."""
 
-    def __init__(self, relay, folder, extra=(), keys=("", "")):
+    def __init__(self, relay, folder, extra=(), keys=("", ""), uart=""):
         self.master, self.slave = pty.openpty()
         tty.setraw(self.slave)
         device = os.ttyname(self.slave)
@@ -56,7 +56,7 @@ class Line:
         configuration = folder / "main.conf"
         configuration.write_text(
             f"# as mavlink-router's\n[General]\nTcpServerPort = 0\nReportStats = false\n\n"
-            f"[UartEndpoint autopilot]\nDevice = {device}\nBaud = 921600,115200\n\n{endpoints}\n")
+            f"[UartEndpoint autopilot]\nDevice = {device}\nBaud = 921600,115200\n{uart}\n{endpoints}\n")
         # The real one reads further files from a folder, the machine's own by default.
         if Path(relay).name != "relay":
             extra = ("-d", folder / "none", *extra)
@@ -116,10 +116,11 @@ def test_an_answer_goes_to_the_line_and_the_other_peer(line):
     os.write(line.master, FRAME1)
     _, relay_address = line.peers[0].recvfrom(1000)
     line.peers[1].recv(1000)
-    line.peers[0].sendto(FRAME2, relay_address)
-    assert line.peers[1].recv(1000) == FRAME2
+    answer = frame(255, 190)
+    line.peers[0].sendto(answer, relay_address)
+    assert line.peers[1].recv(1000) == answer
     assert select.select([line.master], [], [], LIMIT_S)[0]
-    assert os.read(line.master, 1000) == FRAME2
+    assert os.read(line.master, 1000) == answer
     line.peers[0].settimeout(0.2)       # nothing comes
     with pytest.raises(TimeoutError):
         line.peers[0].recv(1000)        # not back to who sent it
@@ -206,6 +207,24 @@ def test_what_each_side_may_say(program, tmp_path):
                 line.peers[speaker].sendto(mark, addresses[speaker])
                 heard = drained(line.peers[listener], mark)
                 assert (octets in heard) == wanted, (what, f"from peer {speaker}")
+    finally:
+        line.close()
+
+
+@pytest.mark.parametrize("uart, arrives", [("", False), ("BlockSrcCompIn = 236,237,238\n", True)], ids=["open", "blocked"])
+def test_who_speaks_as_the_transmitter_by_the_autopilot_s_line_makes_that_one_unheard(program, tmp_path, uart, arrives):
+    """Once, whatever it is: mavlink-router has learned then that the transmitter lives there."""
+    line = Line(program, tmp_path, uart=uart)
+    try:
+        addresses = line.addresses()
+        os.write(line.master, heartbeat(TRANSMITTER) + heartbeat((9, 9), number=201))
+        drained(line.peers[1], heartbeat((9, 9), number=201))  # it was read
+        line.peers[1].sendto(arm_status(TRANSMITTER) + arm_status((9, 8)), addresses[1])
+        heard = b""
+        while arm_status((9, 8)) not in heard:
+            assert select.select([line.master], [], [], LIMIT_S)[0]
+            heard += os.read(line.master, 1000)
+        assert (arm_status(TRANSMITTER) in heard) == arrives
     finally:
         line.close()
 
