@@ -53,6 +53,7 @@ help:
 	@echo 'make steady     runs make test again and again: COUNT=10, STRESS=4 (busy processes beside it)'
 	@echo 'make simulate   flights through random faults in simulated time: SEEDS=1-20 MINUTES=10'
 	@echo 'make mutants    faults put into the daemon: the gate has to see each (an hour; RANDOM=200 SEED=1, ONLY=)'
+	@echo 'make laws       whether each law of the simulated flights sees the fault that breaks it'
 	@echo 'make system     only the tests that boot the appliance and do it harm'
 	@echo 'make update     updates the appliance, well and badly'
 	@echo 'make power-cuts 300 power cuts in the middle of updates (an hour; SEED=, COUNT=, CONTROL=)'
@@ -253,7 +254,10 @@ simulate: daemon
 	@SEEDS='$(SEEDS)' MINUTES='$(MINUTES)' $(RUN) tests/simulated/random_flights.py
 
 # Does the gate see a fault that is put in? tests/mutants.
-.PHONY: mutants
+.PHONY: mutants laws
+laws: daemon
+	@env ONLY='$(ONLY)' OPENDRONEID_DIR='$(OPENDRONEID)' MAVLINK_DIR='$(MAVLINK)' $(RUN) tests/mutants/laws.py
+
 mutants: daemon debian-tests
 	@env RANDOM='$(RANDOM)' SEED='$(SEED)' ONLY='$(ONLY)' OPENDRONEID_DIR='$(OPENDRONEID)' MAVLINK_DIR='$(MAVLINK)' \
 		$(RUN) tests/mutants/run.py

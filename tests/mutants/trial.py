@@ -1,5 +1,6 @@
 """One changed source, built in a copy and put to the gate's tests until one of them sees it."""
 
+import contextlib
 import os
 import re
 import shutil
@@ -19,13 +20,14 @@ FAILED_TEST = re.compile(r"^(?:FAILED|ERROR) (\S+)", re.M)
 class Workshop:
     """A copy of the daemon's sources, with the build that ships and the one of the unit tests."""
 
-    def __init__(self, folder):
+    def __init__(self, folder, unit=True):
         self.folder, self.source = folder, folder / "odid-daemon"
         self.shipped, self.unit = folder / "daemon", folder / "unit"
         shutil.rmtree(self.source, ignore_errors=True)
         shutil.copytree(SOURCE, self.source)
-        for build, options in ((self.shipped, ["-DCMAKE_BUILD_TYPE=Release"]),
-                               (self.unit, ["-DCMAKE_BUILD_TYPE=Debug", "-DODID_TESTS=ON", "-DODID_SANITIZE=ON"])):
+        builds = {self.shipped: ["-DCMAKE_BUILD_TYPE=Release"],
+                  self.unit: ["-DCMAKE_BUILD_TYPE=Debug", "-DODID_TESTS=ON", "-DODID_SANITIZE=ON"]}
+        for build, options in builds.items() if unit else [(self.shipped, builds[self.shipped])]:
             subprocess.run(["cmake", "-S", self.source, "-B", build, "-G", "Unix Makefiles", *options,
                             *(f"-D{name}={os.environ[name]}" for name in ("OPENDRONEID_DIR", "MAVLINK_DIR"))],
                            check=True, stdout=subprocess.DEVNULL)
@@ -58,6 +60,20 @@ class Workshop:
         library = "odid-daemon" if file.endswith("_main.c") else "odid"
         path = self.shipped / f"CMakeFiles/{library}.dir/src/{file}.o"
         return path.read_bytes() if self._build(self.shipped, library) else None
+
+    @contextlib.contextmanager
+    def changed(self, file, text):
+        """What ships is built with that text of the file, for so long."""
+        path = self.source / "src" / file
+        before = path.read_text()
+        try:
+            path.write_text(text)
+            if not self._build(self.shipped):
+                raise RuntimeError(f"{file}: with that text it can't be built")
+            yield
+        finally:
+            path.write_text(before)
+            self._build(self.shipped)
 
     def judge(self, file, text):
         """(verdict, which test or why) of that source with this text."""

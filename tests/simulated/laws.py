@@ -38,17 +38,30 @@ MEMORY_KIB = 64
 
 def broken_laws(flight, until_s):
     """Sentences."""
+    return [sentence for sentences in judged_by_law(flight, until_s).values() for sentence in sentences]
+
+
+def judged_by_law(flight, until_s):
+    """{law: sentences}; what each of them sees is tried by tests/mutants/laws.py."""
     judgement = flight.judged()
     heard = {track.channel: Heard(track) for track in judgement.tracks}
-    laws = [said_as_the_judge_has_it(flight, judgement), failure_is_said(flight, judgement), *(
-        waits(flight, channel, name, times, until_s) for channel in flight.channels
-        for name, times in (heard[channel].times if channel in heard else NOTHING_HEARD).items())]
-    laws += [good_is_true(flight, heard), bad_is_true(flight), status_is_true(flight, heard), it_is_told(flight, until_s),
-             faults_are_told(flight, until_s), costs(flight, until_s)]
+    laws = {
+        "as the judge has it": said_as_the_judge_has_it(flight, judgement),
+        "failure": failure_is_said(flight, judgement),
+        "newer position": all_waits(flight, heard, until_s, ["newer position"]),
+        "other messages": all_waits(flight, heard, until_s, [name for name in NOTHING_HEARD if name != "newer position"]),
+        "good": good_is_true(flight, heard),
+        "bad": bad_is_true(flight),
+        "status": status_is_true(flight, heard),
+        "told": it_is_told(flight, until_s),
+        "two sources": faults_are_told(flight, until_s),
+        "costs": costs(flight, until_s)}
     if flight.kept:
         gaps = recorded_gaps(flight)
-        laws += [gaps_are_recorded(flight, heard, gaps), recorded_gaps_were(flight, gaps), clock_is_right(flight)]
-    return list(chain.from_iterable(laws))
+        laws |= {"gaps recorded": gaps_are_recorded(flight, heard, gaps),
+                 "recorded gaps": recorded_gaps_were(flight, gaps),
+                 "clock": clock_is_right(flight)}
+    return {law: list(sentences) for law, sentences in laws.items()}
 
 
 def seconds(mono):
@@ -64,9 +77,11 @@ class Heard:
     """When what was heard on a channel, in seconds of the flight."""
 
     def __init__(self, track):
-        self._places = [(seconds(where.reception.mono), location) for where, location in track.newer_locations()]
+        newer_ones = [(seconds(where.reception.mono), location) for where, location in track.newer_locations()]
         self.times = {name: [] for name in NOTHING_HEARD}
-        self.times["newer position"] = [at_s for at_s, _ in self._places]
+        self.times["newer position"] = [at_s for at_s, _ in newer_ones]
+        self._places = [one for one in newer_ones if one[1].latitude_deg is not None]
+        self._placed = [at_s for at_s, _ in self._places]
         for one in track.heard:
             for message in one.messages:
                 if message.type_name in self.times:
@@ -74,8 +89,7 @@ class Heard:
 
     def near(self, at_s):
         """The newer positions that were heard two seconds before and after: (second, Location)."""
-        times = self.times["newer position"]
-        return self._places[bisect_left(times, at_s - 2):bisect_right(times, at_s + 2)]
+        return self._places[bisect_left(self._placed, at_s - 2):bisect_right(self._placed, at_s + 2)]
 
 
 def newer(heard, channel):
@@ -98,7 +112,7 @@ def said_as_the_judge_has_it(flight, judgement):
             one.kind in ABOUT_TIME - HOW_OLD or
             one.kind in LATE_TOO and flight.world.late[0] or
             (one.kind in HOW_OLD or one.kind == "played.system_time") and was_away(flight, one.channel, at_s) or
-            one.kind == "played.fix" and fix_was_doubted(flight, at_s) or
+            one.kind.startswith("played.") and fix_was_doubted(flight, at_s) or
             one.kind in KNOWN_SOON and just_restarted(flight, at_s))
         if not excused:
             yield f"{one.kind} at {at_s:.3f} s on {one.channel}: {one.what}; expected {one.expected}, found {one.found}"
@@ -147,7 +161,8 @@ def doubt_s(flight, lost):
 
 
 def fix_was_doubted(flight, at_s):
-    return any(lost.fault.no_position and lost.begin_s <= at_s <= lost.back_s and doubt_s(flight, lost)
+    """Then, to the judge, what is said is no position that there was."""
+    return any(lost.fault.no_position and lost.begin_s <= at_s <= lost.back_s + lost.fault.limit_s and doubt_s(flight, lost)
                for lost in flight.windows)
 
 
@@ -167,6 +182,12 @@ def normally_s(flight, what):
     if what == "newer position":
         return NEWER_LATE_S if flight.world.late[0] else NEWER_S
     return OTHERS_LATE_S if flight.world.late[0] else OTHERS_S
+
+
+def all_waits(flight, heard, until_s, names):
+    return chain.from_iterable(
+        waits(flight, channel, name, (heard[channel].times if channel in heard else NOTHING_HEARD)[name], until_s)
+        for channel in flight.channels for name in names)
 
 
 def waits(flight, channel, what, times, until_s):
@@ -275,6 +296,8 @@ def is_where_it_was_heard(heard, position, at_s):
     def apart_deg(location):
         east_deg = (location.longitude_deg - position["longitude_deg"]) * math.cos(math.radians(location.latitude_deg))
         return math.hypot(location.latitude_deg - position["latitude_deg"], east_deg)
+    if position["latitude_deg"] is None:
+        return not any(track.near(at_s) for track in heard.values())
     return any(apart_deg(location) < WAY_DEG for track in heard.values() for _, location in track.near(at_s))
 
 
