@@ -263,6 +263,9 @@ def status_is_true(flight, heard):
             continue
         for channel in flight.channels:
             yield from channel_is_true(flight, newer(heard, channel), channel, answer["channels"][channel], at_s)
+        off = [channel for channel, said in answer["channels"].items() if said["required"] and said["state"] != "on air"]
+        if answer["on_air"] and off:
+            yield f"\"on air\" at {at_s:.3f} s, and {', '.join(off)} isn't"
         parts = {one.fault.part for one in flight.windows if one.begin_s < at_s < one.back_s + one.fault.limit_s}
         lasting = {one.fault.part for one in flight.windows if one.fault.meanwhile_s == math.inf and
                    one.begin_s + GOOD_S + doubt_s(flight, one) + lateness_s(flight) < at_s < one.back_s}
