@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "aircraft_state.h"
+#include "earth.h"
 #include "identifiers.h"
 
 /* An operator stands on Earth. */
@@ -148,8 +149,8 @@ bool aircraft_operators_differ(const struct aircraft *aircraft, int64_t now_us)
     const struct aircraft_native_system *b = &aircraft->system[AIRCRAFT_SPEAKER_GROUND];
 
     return place_said(a, now_us) && place_said(b, now_us) &&
-           aircraft_distance_m(a->latitude_deg, a->longitude_deg, b->latitude_deg,
-                               b->longitude_deg) > SAME_PLACE_M;
+           earth_distance_m(a->latitude_deg, a->longitude_deg, b->latitude_deg, b->longitude_deg) >
+               SAME_PLACE_M;
 }
 
 static void take_static_fields(struct aircraft_native_system *system,
@@ -186,7 +187,7 @@ void aircraft_take_system(struct aircraft *aircraft, const struct telemetry_upda
                              ? update->system.operator_altitude_m
                              : NAN;
     system->timestamp_2019_s = update->system.timestamp_2019_s;
-    if (aircraft_near_zero(system->latitude_deg, system->longitude_deg)) {
+    if (earth_is_near_zero(system->latitude_deg, system->longitude_deg)) {
         system->latitude_deg = system->longitude_deg = NAN; /* a field that nobody filled */
     }
     system->ahead_s = undated || !aircraft->clock.utc_known

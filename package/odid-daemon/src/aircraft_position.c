@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "aircraft_state.h"
+#include "earth.h"
 
 /* A native timestamp that is earlier by less was overtaken on the way; by more, the clock was set.
  */
@@ -30,10 +31,6 @@
 /* Messages come in bursts, GPS_RAW_INT anywhere among them: it confirms what came so shortly
  * before. */
 #define CONFIRMED_WITHIN_US 1000000
-
-/* Off the coast of Ghana an estimator without a fix has its aircraft. */
-#define METRES_PER_DEGREE 111320.0
-#define ZERO_M 1000.0
 
 bool aircraft_fresh(int64_t since_us, int64_t now_us)
 {
@@ -65,20 +62,6 @@ bool aircraft_fix_known(const struct aircraft *aircraft, int64_t now_us)
             aircraft->native_rated_us > aircraft->no_fix_us);
 }
 
-double aircraft_distance_m(double latitude_a_deg, double longitude_a_deg, double latitude_b_deg,
-                           double longitude_b_deg)
-{
-    double east_deg =
-        remainder(longitude_b_deg - longitude_a_deg, 360) * cos(latitude_a_deg * M_PI / 180);
-
-    return hypot(latitude_b_deg - latitude_a_deg, east_deg) * METRES_PER_DEGREE;
-}
-
-bool aircraft_near_zero(double latitude_deg, double longitude_deg)
-{
-    return aircraft_distance_m(0, 0, latitude_deg, longitude_deg) < ZERO_M;
-}
-
 /* At 0,0 the receiver itself has to be there. */
 static bool counts(const struct aircraft *aircraft, double latitude_deg, double longitude_deg,
                    int64_t now_us)
@@ -88,9 +71,9 @@ static bool counts(const struct aircraft *aircraft, double latitude_deg, double 
     if (isnan(latitude_deg) || !aircraft_fix_known(aircraft, now_us)) {
         return false;
     }
-    return !aircraft_near_zero(latitude_deg, longitude_deg) ||
+    return !earth_is_near_zero(latitude_deg, longitude_deg) ||
            (receiver != NULL &&
-            aircraft_near_zero(receiver->latitude_deg, receiver->longitude_deg));
+            earth_is_near_zero(receiver->latitude_deg, receiver->longitude_deg));
 }
 
 /* ---- which one speaks ---- */

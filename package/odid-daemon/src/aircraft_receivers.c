@@ -4,6 +4,7 @@
 #include <math.h>
 
 #include "aircraft_state.h"
+#include "earth.h"
 
 /* An estimator is that far from its receiver at most, beside what the accuracies say, ... */
 #define APART_M 30.0
@@ -81,8 +82,8 @@ static void compare(struct aircraft *aircraft, struct aircraft_receiver *receive
     }
     limit_m = APART_M + 2 * accuracy_m +
               speed_mps * (DELAY_S + fabs((double)(now_us - fix->fix_us)) * 1e-6);
-    if (aircraft_distance_m(receiver->latitude_deg, receiver->longitude_deg, fix->latitude_deg,
-                            fix->longitude_deg) <= limit_m) {
+    if (earth_distance_m(receiver->latitude_deg, receiver->longitude_deg, fix->latitude_deg,
+                         fix->longitude_deg) <= limit_m) {
         receiver->near_us[which] = now_us;
         fix->apart_us = INT64_MIN;
         return;

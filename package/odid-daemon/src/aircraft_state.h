@@ -164,10 +164,6 @@ bool aircraft_confirm_position(struct aircraft *aircraft, int64_t now_us);
 /* Only where nothing is known of a fix does something wait for one. */
 void aircraft_keep_waiting(const struct aircraft *aircraft, struct aircraft_waiting *waiting,
                            int64_t now_us);
-double aircraft_distance_m(double latitude_a_deg, double longitude_a_deg, double latitude_b_deg,
-                           double longitude_b_deg);
-/* Within 1 km of 0,0. */
-bool aircraft_near_zero(double latitude_deg, double longitude_deg);
 bool aircraft_waits(const struct aircraft_waiting *waiting, int64_t now_us);
 
 /* Is it known, and not for more than 3 s, that the autopilot has a GNSS fix? */

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "aircraft_state.h"
+#include "earth.h"
 
 /* The first fix within this time after arming is the place, on the ground or not. */
 #define TAKEOFF_WAIT_US AIRCRAFT_FRESH_US
@@ -68,7 +69,7 @@ void aircraft_begin_flight(struct aircraft *aircraft, bool arming_seen, int64_t 
 void aircraft_take_home(struct aircraft *aircraft, const struct telemetry_update *update)
 {
     if (!aircraft->armed || aircraft->home.known || isnan(update->home.latitude_deg) ||
-        aircraft_near_zero(update->home.latitude_deg, update->home.longitude_deg)) {
+        earth_is_near_zero(update->home.latitude_deg, update->home.longitude_deg)) {
         return;
     }
     aircraft->home = (struct aircraft_takeoff){

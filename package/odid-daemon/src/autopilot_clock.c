@@ -10,8 +10,8 @@
 #define STEP_US 1000000
 #define DELAY_MAX_US 30000000
 #define BELIEVED 3 /* times in a row */
-#define YEAR_2010_US INT64_C(1262304000000000)
-#define YEAR_2100_US INT64_C(4102444800000000)
+#define YEAR_2010_US UINT64_C(1262304000000000)
+#define YEAR_2100_US UINT64_C(4102444800000000)
 
 void autopilot_clock_new_boot(struct autopilot_clock *clock)
 {
@@ -140,6 +140,11 @@ int64_t autopilot_clock_boot(struct autopilot_clock *clock, uint32_t boot_ms, in
     return boot_us + clock->offset_us;
 }
 
+bool autopilot_clock_plausible(uint64_t unix_us)
+{
+    return unix_us >= YEAR_2010_US && unix_us <= YEAR_2100_US;
+}
+
 void autopilot_clock_utc(struct autopilot_clock *clock, uint64_t unix_us, uint32_t boot_ms,
                          bool fix_known, int64_t now_us)
 {
@@ -147,7 +152,7 @@ void autopilot_clock_utc(struct autopilot_clock *clock, uint64_t unix_us, uint32
     int64_t boot_us, offset_us;
 
     boot_us = autopilot_clock_boot(clock, boot_ms, now_us, &restarted) - clock->offset_us;
-    if (unix_us < YEAR_2010_US || unix_us > YEAR_2100_US) {
+    if (!autopilot_clock_plausible(unix_us)) {
         return;
     }
     offset_us = (int64_t)unix_us - boot_us;

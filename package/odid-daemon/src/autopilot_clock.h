@@ -41,8 +41,11 @@ struct autopilot_clock {
 int64_t autopilot_clock_boot(struct autopilot_clock *clock, uint32_t boot_ms, int64_t now_us,
                              bool *restarted);
 
+/* From 2010 to 2100: what lies outside is no GNSS time. */
+bool autopilot_clock_plausible(uint64_t unix_us);
+
 /*
- * Takes a SYSTEM_TIME. A time outside 2010-2100 is no GNSS time and ignored;
+ * Takes a SYSTEM_TIME. One that isn't plausible is ignored;
  * another one counts when a fix confirms it (an autopilot without one says what
  * it likes: 2042 was seen), or when it goes on with what is known. A step of
  * more than a second is believed at its third time in a row.

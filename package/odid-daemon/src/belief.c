@@ -1,5 +1,8 @@
 #include "belief.h"
 
+#include "autopilot_clock.h"
+#include "earth.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -26,9 +29,7 @@
 #define JUMP_MAX_M 30.0
 #define DELAY_S 0.2
 #define JUMP_FULL_M (JUMP_MAX_M + SPEED_MAX_MPS * DELAY_S)
-#define METRES_PER_DEGREE 111320.0
 #define ALTITUDES_DIFFER_M 150.0
-#define ZERO_M 1000.0         /* so near to 0,0 only an estimator is, that has no fix */
 #define SECOND_FIX_US 3000000 /* a receiver says so once a second */
 #define FIX_TYPE_2D 2         /* GPS_FIX_TYPE */
 #define FIX_TYPE_3D 3
@@ -45,9 +46,6 @@
 #define NUMBERS_MAX_US 5000000.0
 #define NUMBERS_LOST_MAX 8 /* between two frames, or used for others */
 #define PACE_S 10.0
-/* autopilot_clock.c takes the same years. */
-#define YEAR_2010_US UINT64_C(1262304000000000)
-#define YEAR_2100_US UINT64_C(4102444800000000)
 
 void belief_reset(struct belief *belief)
 {
@@ -213,10 +211,7 @@ static bool refuses(const struct belief_track *track, bool fits, int64_t now_us)
 
 static double distance_m(const struct belief_place *a, const struct belief_place *b)
 {
-    double east_deg =
-        remainder(b->longitude_deg - a->longitude_deg, 360) * cos(b->latitude_deg * M_PI / 180);
-
-    return hypot(b->latitude_deg - a->latitude_deg, east_deg) * METRES_PER_DEGREE;
+    return earth_distance_m(a->latitude_deg, a->longitude_deg, b->latitude_deg, b->longitude_deg);
 }
 
 /* What climbs faster than it flies: two sources' altitudes are above different things, so between
@@ -300,8 +295,8 @@ static bool hear_place(struct belief *belief, const struct belief_place *place,
                        const struct clock_word *clock, int64_t now_us)
 {
     struct belief_track *track = &belief->place;
-    bool nowhere = has_no_fix(belief, now_us) ||
-                   hypot(place->latitude_deg, place->longitude_deg) * METRES_PER_DEGREE < ZERO_M;
+    bool nowhere =
+        has_no_fix(belief, now_us) || earth_is_near_zero(place->latitude_deg, place->longitude_deg);
     struct belief_place from = last_place(belief, place);
     double left_m = track->known ? jump_left_m(belief->jump_m, &from, place) : -1;
     bool fits = left_m >= 0;
@@ -338,7 +333,7 @@ static bool hear_utc(struct belief *belief, uint64_t *unix_us, uint32_t boot_ms,
     int64_t offset_us, step_us, drifted_us = 0;
     bool fits;
 
-    if (*unix_us < YEAR_2010_US || *unix_us > YEAR_2100_US) {
+    if (!autopilot_clock_plausible(*unix_us)) {
         *unix_us = 0; /* it says nothing of UTC, to nobody */
         return true;
     }

@@ -7,19 +7,17 @@
 #include <cmocka.h>
 
 #include <errno.h>
-#include <fcntl.h>
 #include <math.h>
-#include <sched.h>
 #include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/mount.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include "kept.h"
+#include "own_mounts.h"
 
 static char directory[] = "/tmp/odid-kept-XXXXXX";
 static char path[64], counters_path[64];
@@ -81,13 +79,10 @@ static int arm_on_a_full_disk(bool poisoned)
     static const struct kept grounded = {.vehicle = 7, .armed = KEPT_DISARMED};
     static const struct kept flying = {
         .vehicle = 7, .armed = KEPT_ARMED, .armed_once = true, .takeoff = {.known = true}};
-    static const char zeros[4096];
     char other[64];
     struct kept out;
-    int fd, result;
 
-    if (unshare(CLONE_NEWNS) < 0 || mount("none", "/", NULL, MS_REC | MS_PRIVATE, NULL) < 0 ||
-        mount("none", directory, "tmpfs", 0, "size=64k") < 0) {
+    if (!own_mounts() || !mount_small_disk(directory, "64k")) {
         return 77;
     }
     snprintf(other, sizeof(other), "%s/other", directory);
@@ -100,12 +95,8 @@ static int arm_on_a_full_disk(bool poisoned)
         }
         return kept_write(directory, &flying) < 0 && kept_read(directory, &out) < 0 ? 0 : 3;
     }
-    fd = open(other, O_WRONLY | O_CREAT, 0600);
-    while (write(fd, zeros, sizeof(zeros)) > 0) {
-    }
-    close(fd);
-    result = kept_write(directory, &flying);
-    if (result < 0 || kept_read(directory, &out) < 0) {
+    fill_to_the_last_byte(other);
+    if (kept_write(directory, &flying) < 0 || kept_read(directory, &out) < 0) {
         return 4;
     }
     return out.armed == KEPT_ARMED && out.armed_once && out.takeoff.known ? 0 : 5;

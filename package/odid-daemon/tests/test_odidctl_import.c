@@ -1,8 +1,9 @@
 /* odidctl import: what technicians' computers make of a file, and what comes of it. */
 #include "odidctl_bench.h"
 
-#include <sched.h>
 #include <sys/mount.h>
+
+#include "own_mounts.h"
 
 #define CONF "data/odid/odid.conf"
 #define REPORT "volume/odid-report.txt"
@@ -421,29 +422,6 @@ static void wrong_keys_are_refused(void **state)
 
 /* ---- volumes that can't be written ---- */
 
-/* Mounts of our own, which nobody else sees; false where that is not allowed. */
-static bool own_mounts(void)
-{
-    return unshare(CLONE_NEWNS) == 0 && mount("none", "/", NULL, MS_REC | MS_PRIVATE, NULL) == 0;
-}
-
-static bool mount_small(const char *where)
-{
-    return mount("none", where, "tmpfs", 0, "size=64k") == 0;
-}
-
-/* Fills it to the last byte. */
-static void fill(const char *path)
-{
-    static const char zeros[4096];
-    int fd = open(path, O_WRONLY | O_CREAT | O_CLOEXEC, 0600);
-
-    assert_true(fd >= 0);
-    while (write(fd, zeros, sizeof(zeros)) > 0) {
-    }
-    close(fd);
-}
-
 static void in_a_child(void (*what)(void))
 {
     pid_t child = fork();
@@ -475,9 +453,9 @@ static void in_a_child(void (*what)(void))
 
 static void volume_full(void)
 {
-    REQUIRE(mount_small("volume"));
+    REQUIRE(mount_small_disk("volume", "64k"));
     put("volume/odid.conf", "[maintenance]\npassword = password\n");
-    fill("volume/photos");
+    fill_to_the_last_byte("volume/photos");
     REQUIRE(CALL("import", "volume") == 4);
     REQUIRE(strstr(said, "odid-report.txt can't be written on the volume CONFIG: No space") !=
             NULL);
@@ -490,7 +468,7 @@ static void volume_full(void)
 
 static void volume_read_only(void)
 {
-    REQUIRE(mount_small("volume"));
+    REQUIRE(mount_small_disk("volume", "64k"));
     put("volume/odid.conf", "[maintenance]\npassword = password\n");
     REQUIRE(mount("none", "volume", NULL, MS_REMOUNT | MS_RDONLY, NULL) == 0);
     REQUIRE(CALL("import", "volume") == 4);
@@ -505,10 +483,10 @@ static void volume_read_only(void)
 
 static void data_full(void)
 {
-    REQUIRE(mount_small("data"));
+    REQUIRE(mount_small_disk("data", "64k"));
     shell("mkdir data/odid data/secrets data/ssh");
     put(CONF, BEFORE);
-    fill("data/flights");
+    fill_to_the_last_byte("data/flights");
     put("volume/odid.conf", "[maintenance]\npassword = password\n");
     put("volume/authorized_keys", KEY "\n");
     REQUIRE(CALL("import", "volume") == 1);

@@ -8,7 +8,6 @@
 
 #include <errno.h>
 #include <fcntl.h>
-#include <sched.h>
 #include <signal.h>
 #include <stdlib.h>
 #include <sys/mount.h>
@@ -16,6 +15,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "own_mounts.h"
 #include "recorder_bench.h"
 #include "recorder_store.h"
 
@@ -271,43 +271,28 @@ static void a_write_that_fails_halfway(void **state)
 }
 
 /* Our own mounts. Returns false, and says why, where that isn't allowed. */
-static bool mount_small_disk(const char *options)
+static bool mount_parent(void)
 {
-    if (unshare(CLONE_NEWNS) < 0 || mount("none", "/", NULL, MS_REC | MS_PRIVATE, NULL) < 0 ||
-        mount("none", parent, "tmpfs", 0, options) < 0) {
+    if (!own_mounts() || !mount_small_disk(parent, "256k")) {
         print_message("no mounts of our own here: %s\n", strerror(errno));
         return false;
     }
     return true;
 }
 
-static void fill_disk(void)
-{
-    static char bytes[4096];
-    char path[160];
-    int fd;
-
-    snprintf(path, sizeof(path), "%s/filler", parent);
-    fd = open(path, O_WRONLY | O_CREAT | O_APPEND, 0644);
-    assert_true(fd >= 0);
-    while (write(fd, bytes, sizeof(bytes)) > 0) {
-    }
-    assert_int_equal(errno, ENOSPC);
-    close(fd);
-}
-
 static void a_full_disk(void **state)
 {
-    char path[160];
+    char path[160], filler[160];
     unsigned lines = 0;
 
     (void)state;
-    if (!mount_small_disk("size=256k")) {
+    if (!mount_parent()) {
         skip();
     }
     add_start();
     assert_int_equal(save(), 0);
-    fill_disk();
+    snprintf(filler, sizeof(filler), "%s/filler", parent);
+    fill_to_the_last_byte(filler);
     while (store.error == 0) { /* what is left of the file's last page */
         add("{\"t\":2.00,\"event\":\"fault\",\"what\":\"position\",\"text\":\"there is none\"}");
         lines++;
@@ -321,8 +306,7 @@ static void a_full_disk(void **state)
     }
     snprintf(path, sizeof(path), "%s/.new", directory);
     assert_int_equal(access(path, F_OK), -1); /* nothing is left of the tries */
-    snprintf(path, sizeof(path), "%s/filler", parent);
-    assert_int_equal(unlink(path), 0);
+    assert_int_equal(unlink(filler), 0);
     assert_int_equal(save(), 0);
     expect_file(1);
     assert_true(store.text.dropped > 0);
@@ -332,7 +316,7 @@ static void a_full_disk(void **state)
 static void a_disk_that_becomes_read_only(void **state)
 {
     (void)state;
-    if (!mount_small_disk("size=256k")) {
+    if (!mount_parent()) {
         skip();
     }
     add_start();
