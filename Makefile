@@ -251,7 +251,7 @@ steady: setup
 # Random faults, by seed: tests/simulated.
 .PHONY: simulate
 simulate: daemon
-	@SEEDS='$(SEEDS)' MINUTES='$(MINUTES)' $(RUN) tests/simulated/random_flights.py
+	@SEEDS='$(SEEDS)' MINUTES='$(MINUTES)' JOBS='$(JOBS)' $(RUN) tests/simulated/random_flights.py
 
 # Does the gate see a fault that is put in? tests/mutants.
 .PHONY: mutants laws

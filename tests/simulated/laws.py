@@ -123,15 +123,14 @@ def failure_is_said(flight, judgement):
     late_s = lateness_s(flight)
     for track in judgement.tracks:
         there = [one for one in flight.windows if one.channel == track.channel]
+        may = [(one.begin_s, heard_until_s(one, there, late_s)) for one in there if one.fault.channels == ALL]
+        must = [(one.begin_s + FAILURE_S + doubt_s(flight, one) + late_s, one.back_s) for one in there if one.fault.no_position]
         for where, location in track.of_type("location"):
             at_s = seconds(where.reception.mono)
-            if location.status == FAILURE and not any(
-                    one.fault.channels == ALL and one.begin_s <= at_s <= heard_until_s(one, there, late_s) for one in there):
-                yield f"{track.channel}: Remote ID system failure at {at_s:.3f} s, and nothing was wrong"
-            if location.status != FAILURE and any(
-                    one.fault.no_position and one.begin_s + FAILURE_S + doubt_s(flight, one) + late_s < at_s < one.back_s
-                    for one in there) and not (
-                        is_taken_away(flight, track.channel, at_s)):
+            if location.status == FAILURE:
+                if not any(begin_s <= at_s <= end_s for begin_s, end_s in may):
+                    yield f"{track.channel}: Remote ID system failure at {at_s:.3f} s, and nothing was wrong"
+            elif any(begin_s < at_s < end_s for begin_s, end_s in must) and not is_taken_away(flight, track.channel, at_s):
                 yield f"{track.channel}: status {location.status} at {at_s:.3f} s, where there was no position for long"
 
 

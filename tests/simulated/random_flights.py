@@ -2,16 +2,19 @@
 
   SEEDS=<first>-<last>   which (1-20); a seed is one world and one flight
   MINUTES=<n>            how long each (10)
+  JOBS=<n>               so many at the same time (one for each processor)
 
-A failure prints its seed, the law and the instant, and the command that does it again and keeps everything in
+A failure prints its seed, the law and the instant, and the command that does it again; everything of it is kept in
 build/simulated/<seed>. It is made smaller by leaving faults out while it still fails.
 """
 
 import functools
 import gc
 import hashlib
+import multiprocessing
 import os
 import random
+import shutil
 import sys
 import tempfile
 import time
@@ -26,6 +29,7 @@ from host.flight import write_flight
 from simulated.faults import FAULTS
 from simulated.flight import WARM_UP_S, Flight
 from simulated.laws import broken_laws
+from simulated.world import Ended
 
 FOLDER = parts.ROOT / "build/simulated"
 LATE = ((0.0, 0), (0.0, 0), (0.1, 40_000), (0.3, 150_000))  # share of wake-ups, most
@@ -95,8 +99,11 @@ def fly(seed, until_s, what, folder):
     try:
         for fault, at_s, seconds in what.faults:
             flight.harm(fault, at_s, seconds)
-        flight.fly(until_s)
-        broken = broken_laws(flight, until_s)
+        try:
+            flight.fly(until_s)
+            broken = broken_laws(flight, until_s)
+        except (Ended, TimeoutError) as error:  # no program of an aircraft ends by itself, nor stands still
+            broken = [str(error)]
         return broken, time.monotonic() - begun, flight.octets()
     finally:
         flight.end()
@@ -118,30 +125,51 @@ def told(what):
         f"  {at_s:7.2f} s  {fault.name}{f' for {seconds:.2f} s' if fault.end else ''}" for fault, at_s, seconds in what.faults)])
 
 
+def number(name, default):
+    text = os.environ.get(name) or default
+    if not text.replace(".", "", 1).isdigit() or not float(text):
+        sys.exit(f"simulate: {name}={text}: expected a number above 0")
+    return float(text)
+
+
 def asked():
-    seeds, minutes = os.environ.get("SEEDS") or "1-20", os.environ.get("MINUTES") or "10"
+    seeds = os.environ.get("SEEDS") or "1-20"
     first, _, last = seeds.partition("-")
-    if not (first.isdigit() and (last or first).isdigit() and minutes.replace(".", "", 1).isdigit()):
-        sys.exit(f"simulate: SEEDS={seeds} MINUTES={minutes}: expected SEEDS=1-20 and a number of minutes")
-    return range(int(first), int(last or first) + 1), float(minutes)
+    if not (first.isdigit() and (last or first).isdigit()):
+        sys.exit(f"simulate: SEEDS={seeds}: expected 1-20, or 7")
+    return range(int(first), int(last or first) + 1)
+
+
+def one_seed(seed, minutes):
+    """That flight's seconds, number of faults and hash, and what is to be said of it: empty where all laws held."""
+    until_s = minutes * 60
+    what = plan(seed, until_s)
+    broken, seconds, octets = fly(seed, until_s, what, FOLDER / str(seed))
+    said = ""
+    if not broken:
+        shutil.rmtree(FOLDER / str(seed))
+    else:
+        less = smaller(seed, until_s, what, FOLDER / f"{seed}-smaller")
+        said = (f"seed {seed}: {len(broken)} times, first: {broken[0]}\n{told(less)}\n"
+                f"  again: make simulate SEEDS={seed} MINUTES={minutes:g}\n"
+                f"  to be kept (test_random_flights.py): ({seed}, {written(less)})")
+    return seconds, len(what.faults), octets, said
 
 
 def main():
-    seeds, minutes = asked()
-    until_s, failed, took_s, faults, heard = minutes * 60, [], 0.0, 0, hashlib.sha256()
-    for seed in seeds:
-        what = plan(seed, until_s)
-        broken, seconds, octets = fly(seed, until_s, what, FOLDER / str(seed))
-        heard.update(octets.encode())
-        took_s, faults = took_s + seconds, faults + len(what.faults)
-        if broken:
-            failed.append(seed)
-            less = smaller(seed, until_s, what, FOLDER / f"{seed}-smaller")
-            print(f"seed {seed}: {len(broken)} times, first: {broken[0]}\n{told(less)}\n"
-                  f"  again: make simulate SEEDS={seed} MINUTES={minutes:g}\n"
-                  f"  to be kept (test_random_flights.py): ({seed}, {written(less)})", flush=True)
-    print(f"{len(seeds)} flights, {len(seeds) * minutes / 60:.1f} hours, {faults} faults, in {took_s:.0f} s "
-          f"({len(seeds) * until_s / took_s:.0f} times real time): {len(failed)} broke a law; "
+    seeds, minutes, jobs = asked(), number("MINUTES", "10"), int(number("JOBS", str(os.cpu_count())))
+    failed, took_s, faults, heard, begun = 0, 0.0, 0, hashlib.sha256(), time.monotonic()
+    for log in range(FLIGHTS):
+        flight_log(log, minutes * 60 + 10)  # once, and not by each process
+    with multiprocessing.get_context("fork").Pool(min(jobs, len(seeds))) as pool:
+        for seconds, number_of_faults, octets, said in pool.imap(functools.partial(one_seed, minutes=minutes), seeds):
+            heard.update(octets.encode())
+            took_s, faults, failed = took_s + seconds, faults + number_of_faults, failed + bool(said)
+            if said:
+                print(said, flush=True)
+    flown_s = len(seeds) * minutes * 60
+    print(f"{len(seeds)} flights, {flown_s / 3600:.1f} hours, {faults} faults, in {time.monotonic() - begun:.0f} s "
+          f"({flown_s / took_s:.0f} times real time on each processor): {failed} broke a law; "
           f"what was heard: {heard.hexdigest()[:16]}")
     return 1 if failed else 0
 
