@@ -518,6 +518,34 @@ def test_hostapd_s_answers_come_where_nobody_is_in_the_way():
     assert len(calls) == 2 and all("hostapd_cli -s /run/hostapd-cli " in line for line in calls)
 
 
+# --- services of other layers ----------------------------------------------------------
+
+
+@pytest.fixture
+def limited(appliance):
+    """Starts a service within limits, which says that it runs."""
+    (appliance.root / "sys/fs/cgroup/appliance").mkdir(parents=True)
+    appliance.write("usr/bin/chpst", '#!/bin/sh\nshift 2\nexec "$@"\n')
+    (appliance.root / "usr/bin/chpst").chmod(0o755)
+    appliance.start("/lib/odid/limited greedy 50 64 sh -c 'echo runs >/runs'")
+    return appliance
+
+
+@pytest.mark.parametrize("there", ["run/odid-appliance/firewall", "run/faults/firewall"])
+def test_no_other_service_runs_before_the_filter_is_loaded(limited, there):
+    """It could speak to the daemon in the autopilot's place in the first seconds."""
+    stays("it waits", lambda: not limited.exists("runs"), 1.5)
+    limited.write(there, "")
+    wait_for("it to run", lambda: limited.exists("runs"))
+
+
+def test_within_limits_the_broadcast_has_the_processor_first(limited):
+    limited.write("run/odid-appliance/firewall", "")
+    wait_for("it to run", lambda: limited.exists("runs"))
+    weights = [int(limited.read(f"sys/fs/cgroup/{group}/cpu.weight")) for group in ("appliance", "greedy")]
+    assert weights == [10000, 1] and limited.read("sys/fs/cgroup/greedy/cpu.max") == "50000 100000\n"
+
+
 # --- a stick with a bundle ------------------------------------------------------------
 
 
