@@ -21,6 +21,7 @@ struct aircraft *aircraft_init(const struct config *config, int64_t start_us)
     aircraft.heartbeat_us = INT64_MIN;
     arming_init(&aircraft.arming, false);
     aircraft.landed_us = aircraft.in_air_us = aircraft.crashed_us = INT64_MIN;
+    aircraft.landed_no_us = aircraft.lies_us = INT64_MIN;
     aircraft_forget_receivers(&aircraft);
     aircraft.armed_ended_us = INT64_MIN;
     aircraft.separation_m = NAN;
@@ -100,6 +101,8 @@ static void forget_before_restart(struct aircraft *aircraft)
     aircraft->native_rated_us = INT64_MIN;
     aircraft->native_location.said_us = INT64_MIN;
     aircraft->landed_us = aircraft->in_air_us = aircraft->crashed_us = INT64_MIN;
+    aircraft->landed_no_us = aircraft->lies_us = INT64_MIN;
+    aircraft->landed_wrong = false;
     memset(aircraft->native_basic_id, 0, sizeof(aircraft->native_basic_id));
     aircraft->auth_received = 0;
     aircraft_forget_speaker(aircraft, AIRCRAFT_SPEAKER_VEHICLE);
@@ -121,6 +124,7 @@ static void take_heartbeat(struct aircraft *aircraft, const struct telemetry_upd
     if (update->heartbeat.new_vehicle) {
         forget_vehicle(aircraft);
     }
+    aircraft_watch_landed_state(aircraft, now_us);
     flying = aircraft_is_flying(aircraft, now_us);
     armed = arming_take(&aircraft->arming, says_armed, update->heartbeat.doubtful, flying, now_us);
     first = aircraft->heartbeat_us == INT64_MIN;
@@ -269,6 +273,10 @@ static void confirm(struct aircraft *aircraft, int64_t now_us)
 
 static void take_landed_state(struct aircraft *aircraft, uint8_t landed_state, int64_t now_us)
 {
+    if (landed_state != aircraft->landed_state) {
+        aircraft->landed_wrong = false;
+        aircraft->landed_no_us = INT64_MIN;
+    }
     aircraft->landed_us = now_us;
     aircraft->landed_state = landed_state;
     if (landed_state == MAV_LANDED_STATE_IN_AIR || landed_state == MAV_LANDED_STATE_TAKEOFF ||

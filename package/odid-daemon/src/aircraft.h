@@ -114,6 +114,8 @@ struct aircraft_condition {
     bool fix_known;           /* the autopilot's, within the last 3 s */
     bool apart;               /* its position isn't where its GNSS receiver is, and doesn't count */
     bool simulated;           /* HEARTBEAT says hardware in the loop */
+    bool altitudes_differ;    /* native LOCATION's isn't its receiver's: telemetry's goes out */
+    bool landed_state_wrong;  /* it contradicts what the aircraft does, and doesn't count */
     bool vertical_inverted;   /* it sends vertical speed upside down: set right (vertical.h) */
     int64_t operator_ahead_s; /* the ground station's clock; 0 while not known */
     uint8_t mav_type, autopilot;

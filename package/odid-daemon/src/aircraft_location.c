@@ -7,6 +7,11 @@
 
 /* Below this speed the course over ground is noise. */
 #define COURSE_MIN_MPS 0.3
+/* The native altitudes are those of telemetry, but for the weather between two instants and in the
+ * pressure: what differs by more is above something else. */
+#define ALTITUDES_DIFFER_M 15.0
+#define CLIMBS_MPS 5.0
+#define PRESSURE_DIFFERS_M 1500.0
 /* A Location timestamp says when within the hour: an older position can't be dated any more. */
 #define POSITION_KEPT_US INT64_C(3590000000)
 
@@ -38,6 +43,33 @@ static int vertical_code(float accuracy_m)
 static int speed_code(float accuracy_mps)
 {
     return createEnumSpeedAccuracy(accuracy_mps);
+}
+
+/* Is what the native LOCATION has another one than telemetry's, which is here and has it, too? */
+static bool native_differs(const struct aircraft *aircraft, double native_m, double telemetry_m,
+                           int64_t now_us)
+{
+    const struct aircraft_fix *fix = &aircraft->telemetry;
+    double apart_s = fabs((double)(fix->fix_us - aircraft->native.fix_us)) * 1e-6;
+    double limit_m = ALTITUDES_DIFFER_M + (CLIMBS_MPS + fabs(fix->vertical_speed_mps)) * apart_s;
+
+    return aircraft_fresh(fix->fix_us, now_us) && fabs(native_m - telemetry_m) > limit_m;
+}
+
+bool aircraft_altitudes_differ(const struct aircraft *aircraft, int64_t now_us)
+{
+    return aircraft_fresh(aircraft->native.fix_us, now_us) &&
+           native_differs(aircraft, aircraft_geodetic_m(aircraft, &aircraft->native),
+                          aircraft_geodetic_m(aircraft, &aircraft->telemetry), now_us);
+}
+
+static bool native_height_counts(const struct aircraft *aircraft, int64_t now_us)
+{
+    const struct telemetry_update *native = &aircraft->native_location.counted;
+
+    return native->location.height_reference == MAV_ODID_HEIGHT_REF_OVER_GROUND ||
+           !native_differs(aircraft, native->location.height_m, aircraft_height_m(aircraft),
+                           now_us);
 }
 
 /*
@@ -75,10 +107,10 @@ static void fill_from_native(const struct aircraft *aircraft, int64_t now_us,
 
     out->altitude_barometric_m = native->altitude_barometric_m; /* telemetry has none */
     out->barometer_accuracy = native->counted.location.barometer_accuracy;
-    if (isnan(out->altitude_geodetic_m)) {
+    if (isnan(out->altitude_geodetic_m) && !aircraft_altitudes_differ(aircraft, now_us)) {
         out->altitude_geodetic_m = native->altitude_geodetic_m;
     }
-    if (isnan(out->height_m)) {
+    if (isnan(out->height_m) && native_height_counts(aircraft, now_us)) {
         out->height_m = native->counted.location.height_m;
         out->height_above_ground =
             native->counted.location.height_reference == MAV_ODID_HEIGHT_REF_OVER_GROUND;
@@ -147,6 +179,10 @@ static void view_position(const struct aircraft *aircraft, int64_t now_us,
         view_native_position(aircraft, now_us, out);
     } else {
         view_telemetry_position(aircraft, now_us, out);
+    }
+    if (fabs(out->altitude_barometric_m - out->altitude_geodetic_m) > PRESSURE_DIFFERS_M) {
+        out->altitude_barometric_m = NAN; /* no weather does that */
+        out->barometer_accuracy = 0;
     }
 }
 

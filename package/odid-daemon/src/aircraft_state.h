@@ -108,8 +108,11 @@ struct aircraft {
     unsigned boot_seen; /* the autopilot's starts of which something is known */
     int64_t landed_us;
     uint8_t landed_state;
-    int64_t in_air_us;  /* the last landed state that said so */
-    int64_t crashed_us; /* when the autopilot said so; forgotten when it is armed again */
+    int64_t in_air_us; /* the last landed state that said so */
+    bool landed_wrong; /* what it does contradicts its landed state, which counts when it changes */
+    int64_t landed_no_us; /* since when it does; INT64_MIN: it doesn't */
+    int64_t lies_us;      /* since when it is disarmed, low and at rest; INT64_MIN: it isn't */
+    int64_t crashed_us;   /* when the autopilot said so; forgotten when it is armed again */
 
     bool takeoff_pending; /* armed, and may still become known */
     bool takeoff_is_home, takeoff_is_late;
@@ -241,11 +244,17 @@ bool aircraft_operators_differ(const struct aircraft *aircraft, int64_t now_us);
 bool aircraft_is_flying(const struct aircraft *aircraft, int64_t now_us);
 bool aircraft_is_emergency(const struct aircraft *aircraft, int64_t now_us);
 
+/* With each HEARTBEAT: does what the aircraft does contradict what is said of it? */
+void aircraft_watch_landed_state(struct aircraft *aircraft, int64_t now_us);
+
 /* After position_source and position_fresh. */
 void aircraft_view_status(const struct aircraft *aircraft, int64_t now_us,
                           struct aircraft_location *out);
 
 /* ---- aircraft_location.c ---- */
+
+/* Is the native altitude another one than telemetry's? Then it doesn't count. */
+bool aircraft_altitudes_differ(const struct aircraft *aircraft, int64_t now_us);
 
 /* The Location to broadcast now. */
 void aircraft_view_location(const struct aircraft *aircraft, int64_t now_us,

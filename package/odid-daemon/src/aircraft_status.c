@@ -11,6 +11,12 @@
  * ArduCopter's is "on ground" as soon as it is disarmed, under a parachute, too. */
 #define HIGH_M 15.0
 #define HIGH_VERTICAL_MPS 1.5
+/* "On ground" by its landed state it flies away, armed; "in air" it lies there, disarmed: for so
+ * long, and that landed state is stuck. */
+#define FLIES_US 3000000
+#define LIES_US 30000000
+#define RESTS_MPS 1.0
+#define RESTS_VERTICAL_MPS 0.5
 
 /* The greater of what the sources say that are fresh; NAN: none does. */
 static double fastest(bool native_fresh, double native, bool telemetry_fresh, double telemetry)
@@ -67,14 +73,47 @@ static bool is_high(const struct aircraft *aircraft, int64_t now_us)
            vertical_mps(aircraft, now_us) > HIGH_VERTICAL_MPS;
 }
 
+static uint8_t landed_state(const struct aircraft *aircraft, int64_t now_us)
+{
+    return aircraft_fresh(aircraft->landed_us, now_us) && !aircraft->landed_wrong
+               ? aircraft->landed_state
+               : MAV_LANDED_STATE_UNDEFINED;
+}
+
+void aircraft_watch_landed_state(struct aircraft *aircraft, int64_t now_us)
+{
+    double height = height_m(aircraft, now_us), vertical = vertical_mps(aircraft, now_us);
+    double speed = speed_mps(aircraft, now_us);
+    bool lies = aircraft->says_disarmed && !(height > HIGH_M) && speed < RESTS_MPS &&
+                vertical < RESTS_VERTICAL_MPS;
+    bool flies =
+        aircraft->armed && height > HIGH_M && (speed > FLYING_MPS || vertical > HIGH_VERTICAL_MPS);
+    bool on_ground = aircraft->landed_state == MAV_LANDED_STATE_ON_GROUND;
+    int64_t limit_us = on_ground ? FLIES_US : LIES_US;
+
+    aircraft->lies_us = !lies                            ? INT64_MIN
+                        : aircraft->lies_us == INT64_MIN ? now_us
+                                                         : aircraft->lies_us;
+    if (aircraft->doubtful || !aircraft_fresh(aircraft->landed_us, now_us) ||
+        !(on_ground ? flies : lies)) {
+        aircraft->landed_no_us = INT64_MIN;
+    } else if (aircraft->landed_no_us == INT64_MIN) {
+        aircraft->landed_no_us = now_us;
+    } else if (now_us - aircraft->landed_no_us >= limit_us) {
+        aircraft->landed_wrong = true;
+    }
+}
+
 bool aircraft_is_flying(const struct aircraft *aircraft, int64_t now_us)
 {
+    uint8_t state = landed_state(aircraft, now_us);
+
     /* Said since the last 3 s: a single "on ground" in between doesn't end it. */
-    if (is_high(aircraft, now_us) || aircraft_fresh(aircraft->in_air_us, now_us)) {
+    if (is_high(aircraft, now_us) ||
+        (aircraft_fresh(aircraft->in_air_us, now_us) && !aircraft->landed_wrong)) {
         return true;
     }
-    if (aircraft_fresh(aircraft->landed_us, now_us) &&
-        aircraft->landed_state != MAV_LANDED_STATE_UNDEFINED) {
+    if (state != MAV_LANDED_STATE_UNDEFINED) {
         return false; /* on the ground, or on a ship that moves */
     }
     return speed_mps(aircraft, now_us) > FLYING_MPS ||
@@ -108,17 +147,15 @@ static enum aircraft_status telemetry_status(const struct aircraft *aircraft, in
     if (is_high(aircraft, now_us)) {
         return AIRCRAFT_AIRBORNE;
     }
-    if (aircraft_fresh(aircraft->landed_us, now_us)) {
-        switch (aircraft->landed_state) {
-        case MAV_LANDED_STATE_ON_GROUND:
-            return AIRCRAFT_GROUND;
-        case MAV_LANDED_STATE_IN_AIR:
-        case MAV_LANDED_STATE_TAKEOFF:
-        case MAV_LANDED_STATE_LANDING:
-            return AIRCRAFT_AIRBORNE;
-        default:
-            break;
-        }
+    switch (landed_state(aircraft, now_us)) {
+    case MAV_LANDED_STATE_ON_GROUND:
+        return AIRCRAFT_GROUND;
+    case MAV_LANDED_STATE_IN_AIR:
+    case MAV_LANDED_STATE_TAKEOFF:
+    case MAV_LANDED_STATE_LANDING:
+        return AIRCRAFT_AIRBORNE;
+    default:
+        break;
     }
     return aircraft->armed ? AIRCRAFT_AIRBORNE : AIRCRAFT_GROUND;
 }
@@ -126,7 +163,10 @@ static enum aircraft_status telemetry_status(const struct aircraft *aircraft, in
 /* ArduPilot's native status is its armed bit; what it knows of the air, its landed state says. */
 static bool native_is_contradicted(const struct aircraft *aircraft, uint8_t native, int64_t now_us)
 {
-    return native == AIRCRAFT_GROUND && aircraft->armed && aircraft_is_flying(aircraft, now_us);
+    bool lies = aircraft->lies_us != INT64_MIN && now_us - aircraft->lies_us >= LIES_US;
+
+    return native == AIRCRAFT_GROUND ? aircraft->armed && aircraft_is_flying(aircraft, now_us)
+                                     : native == AIRCRAFT_AIRBORNE && lies;
 }
 
 /* Said again and again, as a position is: a single LOCATION beside telemetry changes nothing, and

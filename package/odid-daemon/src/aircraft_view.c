@@ -9,12 +9,13 @@
 
 /* ---- identity: what is configured speaks, native fills what isn't ---- */
 
-static uint8_t configured_ua_type(const struct aircraft *aircraft, int configured)
+/* said: CONFIG_UA_TYPE_AUTO where nobody has. */
+static uint8_t ua_type(const struct aircraft *aircraft, int said)
 {
     int derived;
 
-    if (configured != CONFIG_UA_TYPE_AUTO) {
-        return (uint8_t)configured;
+    if (said != CONFIG_UA_TYPE_AUTO) {
+        return (uint8_t)said;
     }
     if (aircraft->heartbeat_us != INT64_MIN) {
         derived = aircraft_ua_type(aircraft->mav_type);
@@ -52,7 +53,7 @@ static void view_basic_ids(const struct aircraft *aircraft, struct aircraft_view
         if (configured->uas_id[0] != '\0') {
             out = &view->basic_id[view->basic_ids++];
             out->id_type = configured->id_type;
-            out->ua_type = configured_ua_type(aircraft, configured->ua_type);
+            out->ua_type = ua_type(aircraft, configured->ua_type);
             out->source = SOURCE_CONFIGURATION;
             memcpy(out->uas_id, configured->uas_id, strlen(configured->uas_id));
         }
@@ -66,7 +67,9 @@ static void view_basic_ids(const struct aircraft *aircraft, struct aircraft_view
         if (native->id_type != ODID_IDTYPE_NONE && !has_id_type(view, native->id_type)) {
             out = &view->basic_id[view->basic_ids++];
             out->id_type = native->id_type;
-            out->ua_type = native->ua_type;
+            out->ua_type =
+                ua_type(aircraft, native->ua_type == ODID_UATYPE_NONE ? CONFIG_UA_TYPE_AUTO
+                                                                      : native->ua_type);
             out->source = SOURCE_NATIVE;
             memcpy(out->uas_id, native->uas_id, sizeof(out->uas_id));
         }
@@ -248,6 +251,8 @@ void aircraft_condition(const struct aircraft *aircraft, int64_t now_us,
     condition->fix_known = aircraft_fix_known(aircraft, now_us);
     condition->apart = aircraft_is_apart(aircraft, &aircraft->telemetry, now_us) ||
                        aircraft_is_apart(aircraft, &aircraft->native, now_us);
+    condition->altitudes_differ = aircraft_altitudes_differ(aircraft, now_us);
+    condition->landed_state_wrong = aircraft->landed_wrong;
     condition->simulated = aircraft->simulated;
     condition->operator_ahead_s = aircraft_operator_told(aircraft, now_us)
                                       ? aircraft_system_said(aircraft, now_us)->ahead_s

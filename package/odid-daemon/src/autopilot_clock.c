@@ -10,6 +10,9 @@
 #define STEP_US 1000000
 #define DELAY_MAX_US 30000000
 #define BELIEVED 3 /* times in a row */
+/* And for so long, by the autopilot's clock: who says the time ten times a second can be wrong for
+ * one. */
+#define STEP_LASTS_US 1900000
 #define YEAR_2010_US UINT64_C(1262304000000000)
 #define YEAR_2100_US UINT64_C(4102444800000000)
 
@@ -167,9 +170,10 @@ void autopilot_clock_utc(struct autopilot_clock *clock, uint64_t unix_us, uint32
     }
     if (clock->step_seen == 0 || llabs(offset_us - clock->step_us) > STEP_US) {
         clock->step_seen = 0;
+        clock->step_since_us = boot_us;
     }
     clock->step_us = offset_us;
-    if (++clock->step_seen >= BELIEVED) {
+    if (++clock->step_seen >= BELIEVED && boot_us - clock->step_since_us >= STEP_LASTS_US) {
         clock->utc_offset_us = offset_us;
         clock->step_seen = 0;
     }

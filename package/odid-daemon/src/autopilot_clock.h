@@ -28,7 +28,8 @@ struct autopilot_clock {
     bool utc_known;
     int64_t utc_offset_us; /* UTC (Unix) minus boot time */
     int64_t step_us;       /* another UTC offset that was seen ... */
-    unsigned step_seen;    /* ... this often in a row */
+    unsigned step_seen;    /* ... this often in a row, ... */
+    int64_t step_since_us; /* ... since that boot time */
     unsigned restarts;
 };
 
@@ -48,7 +49,7 @@ bool autopilot_clock_plausible(uint64_t unix_us);
  * Takes a SYSTEM_TIME. One that isn't plausible is ignored;
  * another one counts when a fix confirms it (an autopilot without one says what
  * it likes: 2042 was seen), or when it goes on with what is known. A step of
- * more than a second is believed at its third time in a row.
+ * more than a second is believed at its third time in a row, and after two seconds.
  */
 void autopilot_clock_utc(struct autopilot_clock *clock, uint64_t unix_us, uint32_t boot_ms,
                          bool fix_known, int64_t now_us);

@@ -7,6 +7,7 @@
 
 #define ID_NONE 0
 #define ID_SERIAL 1
+#define ID_REGISTRATION 2
 #define ID_UTM 3
 #define LOCATION_FIXED 2
 #define CATEGORY_OPEN 1
@@ -33,6 +34,12 @@ static void judge_basic_id(const struct config *config, unsigned index,
                    "[%s] uas_id = \"%s\" is no valid serial number (CTA-2063-A): %s; it is "
                    "broadcast all the same",
                    section, id->uas_id, problem);
+    } else if (id->id_type == ID_REGISTRATION && identifiers_check_serial(id->uas_id, problem)) {
+        config_say(
+            source, CONFIG_WARNING,
+            "[%s] id_type = %s, and uas_id = \"%s\" has the form of a serial number: if it is "
+            "one, set id_type = serial",
+            section, config_code_name(config_id_types, id->id_type), id->uas_id);
     } else if (id->id_type >= ID_UTM) {
         config_say(source, CONFIG_WARNING,
                    "[%s] id_type = %s: \"%s\" is sent as text, not as the binary identifier that "

@@ -1,6 +1,7 @@
 #include "health.h"
 
 #include <math.h>
+#include <opendroneid.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -9,7 +10,6 @@
 #include "identifiers.h"
 #include "utf8.h"
 
-#define ID_SERIAL 1
 #define OPERATOR_ID_EU 0
 /* Positions may be a second old when they are sent (2nd); ArduPilot's native ones come every
  * 1.00 to 1.12 s. */
@@ -158,7 +158,7 @@ static void judge_basic_ids(struct health *health, const struct aircraft_view *v
               "missing basic_id message");
     }
     for (unsigned i = 0; i < view->basic_ids; i++) {
-        if (view->basic_id[i].id_type == ID_SERIAL &&
+        if (view->basic_id[i].id_type == ODID_IDTYPE_SERIAL_NUMBER &&
             !identifiers_check_serial(view->basic_id[i].uas_id, problem)) {
             FAULT(view->basic_id[i].source == SOURCE_NATIVE
                       ? "The autopilot sends it. Set [basic_id] uas_id to the number on the "
@@ -191,7 +191,7 @@ static void judge_operator_id(struct health *health, const struct aircraft_view 
 static void judge_serial_present(struct health *health, const struct aircraft_view *view)
 {
     for (unsigned i = 0; i < view->basic_ids; i++) {
-        if (view->basic_id[i].id_type == ID_SERIAL) {
+        if (view->basic_id[i].id_type == ODID_IDTYPE_SERIAL_NUMBER) {
             return;
         }
     }
@@ -414,6 +414,57 @@ static void judge_conflicts(struct health *health, const struct aircraft_conditi
     }
 }
 
+/* A quadplane of ArduPilot's is a fixed wing by its HEARTBEAT; what claims nothing contradicts
+ * nothing. */
+static bool types_fit(uint8_t a, int b)
+{
+    bool claims = a != ODID_UATYPE_NONE && a != ODID_UATYPE_OTHER && b > ODID_UATYPE_NONE &&
+                  b != ODID_UATYPE_OTHER;
+    bool wings = (a == ODID_UATYPE_AEROPLANE || a == ODID_UATYPE_HYBRID_LIFT) &&
+                 (b == ODID_UATYPE_AEROPLANE || b == ODID_UATYPE_HYBRID_LIFT);
+
+    return !claims || wings || a == b;
+}
+
+static void judge_types(struct health *health, const struct health_input *input)
+{
+    const struct aircraft_view *view = input->view;
+    char problem[IDENTIFIER_PROBLEM_SIZE];
+    bool fit = true;
+
+    for (unsigned i = 0; i < view->basic_ids; i++) {
+        const struct aircraft_basic_id *id = &view->basic_id[i];
+
+        fit = fit && types_fit(id->ua_type, aircraft_ua_type(input->condition->mav_type));
+        if (id->id_type == ODID_IDTYPE_CAA_REGISTRATION_ID &&
+            identifiers_check_serial(id->uas_id, problem)) {
+            WARNING("It has a serial number's form: if it is one, set id_type = serial.",
+                    "serial number of another type");
+        }
+    }
+    if (!fit && input->condition->heartbeat_fresh) {
+        WARNING("The Basic ID's type of aircraft is broadcast. Compare it, and the autopilot's "
+                "frame, with the aircraft.",
+                "HEARTBEAT has another UA type");
+    }
+}
+
+/* What is said twice, and not alike (docs/autopilots.md). */
+static void judge_contradictions(struct health *health, const struct health_input *input)
+{
+    judge_types(health, input);
+    if (input->condition->altitudes_differ) {
+        WARNING("The native LOCATION has another altitude than telemetry, perhaps above the sea: "
+                "telemetry's is broadcast.",
+                "native altitude not believed");
+    }
+    if (input->condition->landed_state_wrong) {
+        WARNING("It contradicts height and movement: armed or not counts instead. Restart the "
+                "autopilot.",
+                "landed state not believed");
+    }
+}
+
 static void judge_daemon(struct health *health, const struct health_input *input)
 {
     if (input->config_errors > 0) {
@@ -461,6 +512,7 @@ void health_judge(struct health *health, const struct health_input *input, int64
     judge_failure(health, input);
     judge_serial_present(health, input->view);
     judge_conflicts(health, input->condition);
+    judge_contradictions(health, input);
     judge_data(health, input);
     judge_daemon(health, input);
 }

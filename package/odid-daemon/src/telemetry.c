@@ -10,6 +10,7 @@
 #include "telemetry_odid.h"
 
 /* A vehicle that was silent for this long may be another one: a changed SYSID, another aircraft. */
+#define SEPARATION_MAX_M 120.0
 #define VEHICLE_FORGOTTEN_US 10000000
 #define VEHICLE_EXPECTED_US 3000000 /* three of its HEARTBEATs */
 /* Who says HEARTBEATs for so long, or anything else, is there to stay; who falls silent before, for
@@ -94,14 +95,25 @@ static double thousandths_or_nan(uint32_t value)
     return value == 0 || value == UINT32_MAX ? NAN : value / 1000.0;
 }
 
+/* The geoid is between 107 m below the ellipsoid and 86 m above it: one of the two altitudes is
+ * wrong then. */
+static double separation_or_nan(int32_t above_ellipsoid_mm, int32_t above_sea_mm)
+{
+    double separation_m = (above_ellipsoid_mm - (double)above_sea_mm) / 1000.0;
+
+    return above_ellipsoid_mm == 0 || separation_m < -SEPARATION_MAX_M ||
+                   separation_m > SEPARATION_MAX_M
+               ? NAN
+               : separation_m;
+}
+
 /* The two messages have these fields, under the same names. */
 #define READ_RECEIVER(raw, update)                                                                 \
     do {                                                                                           \
         (update)->gps_raw.fix_type = (raw).fix_type;                                               \
         place((raw).lat, (raw).lon, &(update)->gps_raw.latitude_deg,                               \
               &(update)->gps_raw.longitude_deg);                                                   \
-        (update)->gps_raw.separation_m =                                                           \
-            (raw).alt_ellipsoid == 0 ? NAN : ((raw).alt_ellipsoid - (double)(raw).alt) / 1000.0;   \
+        (update)->gps_raw.separation_m = separation_or_nan((raw).alt_ellipsoid, (raw).alt);        \
         (update)->gps_raw.horizontal_accuracy_m = thousandths_or_nan((raw).h_acc);                 \
         (update)->gps_raw.vertical_accuracy_m = thousandths_or_nan((raw).v_acc);                   \
         (update)->gps_raw.speed_accuracy_mps = thousandths_or_nan((raw).vel_acc);                  \

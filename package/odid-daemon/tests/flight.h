@@ -214,8 +214,8 @@ static inline struct telemetry_update native_of(int64_t stamped_us)
     update.location.latitude_deg = sim.latitude_deg + 1;
     update.location.longitude_deg = sim.longitude_deg;
     update.location.altitude_barometric_m = 111;
-    update.location.altitude_geodetic_m = 222;
-    update.location.height_m = 33;
+    update.location.altitude_geodetic_m = 125; /* telemetry's: 84 + 36.4 */
+    update.location.height_m = 3;
     update.location.horizontal_accuracy = 12;
     update.location.vertical_accuracy = 6;
     update.location.barometer_accuracy = 5;

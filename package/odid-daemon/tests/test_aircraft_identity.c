@@ -227,6 +227,17 @@ static void ua_type_auto_takes_the_native_one_without_a_heartbeat(void **state)
     assert_int_equal(view.basic_id[0].ua_type, 2);
 }
 
+/* A BASIC_ID in which nobody filled it: the autopilot's HEARTBEAT knows. */
+static void a_native_ua_type_of_none_is_the_heartbeats(void **state)
+{
+    (void)state;
+    native_id(1, 0, "SSRS5GBG01");
+    sim.mav_type = MAV_TYPE_FIXED_WING;
+    heartbeat();
+    look();
+    assert_id(0, 1, 1, "SSRS5GBG01", SOURCE_NATIVE);
+}
+
 static void a_configured_ua_type_stays(void **state)
 {
     (void)state;
@@ -511,6 +522,7 @@ int main(void)
         cmocka_unit_test_setup(a_shorter_id_leaves_nothing_of_a_longer_one, begin_setup),
         cmocka_unit_test_setup(ua_type_auto_follows_the_heartbeat, begin_setup),
         cmocka_unit_test_setup(ua_type_auto_takes_the_native_one_without_a_heartbeat, begin_setup),
+        cmocka_unit_test_setup(a_native_ua_type_of_none_is_the_heartbeats, begin_setup),
         cmocka_unit_test_setup(a_configured_ua_type_stays, begin_setup),
         cmocka_unit_test_setup(the_secret_part_of_a_native_operator_number_is_taken_off,
                                begin_setup),

@@ -22,8 +22,8 @@ static void every_native_field_is_taken_as_it_is(void **state)
     assert_near(view.location.speed_mps, 7);
     assert_near(view.location.vertical_speed_mps, -2);
     assert_near(view.location.altitude_barometric_m, 111);
-    assert_near(view.location.altitude_geodetic_m, 222);
-    assert_near(view.location.height_m, 33);
+    assert_near(view.location.altitude_geodetic_m, 125);
+    assert_near(view.location.height_m, 3);
     assert_int_equal(view.location.horizontal_accuracy, 12);
     assert_int_equal(view.location.vertical_accuracy, 6);
     assert_int_equal(view.location.barometer_accuracy, 5);
@@ -268,14 +268,86 @@ static void px4s_geodetic_altitude_is_above_mean_sea_level(void **state)
     (void)state;
     sim.autopilot = MAV_AUTOPILOT_PX4;
     sim.native = true;
+    sim.altitude_m = 130; /* five metres apart: each can be told */
     fly(5);
-    assert_near(view.location.altitude_geodetic_m, 222 + 36.4);
+    assert_near(view.location.altitude_geodetic_m, 125 + 36.4);
     begin();
     sim.autopilot = MAV_AUTOPILOT_PX4;
     sim.native = true;
     sim.gps = false;
     fly(5);
     assert_unknown(view.location.altitude_geodetic_m);
+}
+
+/* Whatever the habits of an autopilot of that name were: its GNSS receiver says which one it is. */
+static void a_native_altitude_that_contradicts_telemetry_is_not_broadcast(void **state)
+{
+    static const struct {
+        uint8_t autopilot;
+        double native_m;
+        bool differs;
+    } cases[] = {
+        {MAV_AUTOPILOT_ARDUPILOTMEGA, 84, true}, /* above the sea */
+        {MAV_AUTOPILOT_ARDUPILOTMEGA, 84 - 36.4, true},
+        {MAV_AUTOPILOT_ARDUPILOTMEGA, 84 + 36.4, false},
+        {MAV_AUTOPILOT_PX4, 84 + 36.4, true}, /* a newer one, that has it right */
+        {MAV_AUTOPILOT_PX4, 84, false},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+        begin();
+        sim.autopilot = cases[i].autopilot;
+        for (unsigned j = 0; j < 25; j++) {
+            struct telemetry_update update = native_of(now_us);
+
+            update.location.altitude_geodetic_m = cases[i].native_m;
+            give(&update);
+            fly(0.2);
+        }
+        assert_true(from_native());
+        assert_about(view.location.altitude_geodetic_m, 84 + 36.4, 1e-6);
+        assert_int_equal(condition.altitudes_differ, cases[i].differs);
+    }
+}
+
+/* Native once a second, in a dive: what lies between the two instants is no contradiction. */
+static void in_a_dive_two_altitudes_may_differ(void **state)
+{
+    (void)state;
+    sim.altitude_m = 900;
+    sim.up_mps = -20;
+    for (unsigned i = 0; i < 150; i++) {
+        if (i % 5 == 0) {
+            struct telemetry_update update = native_of(now_us);
+
+            update.location.altitude_geodetic_m = sim.altitude_m + 36.4;
+            give(&update);
+        }
+        sim.altitude_m -= 4;
+        fly(0.2);
+        assert_false(condition.altitudes_differ);
+    }
+}
+
+static void a_pressure_altitude_that_no_weather_gives_is_unknown(void **state)
+{
+    struct telemetry_update update;
+
+    (void)state;
+    fly(5);
+    update = native_of(now_us);
+    update.location.altitude_barometric_m = 1200; /* 950 hPa at sea level, and less than that */
+    give(&update);
+    look();
+    assert_near(view.location.altitude_barometric_m, 1200);
+    now_us += 200 * MS;
+    update = native_of(now_us);
+    update.location.altitude_barometric_m = 2000;
+    give(&update);
+    look();
+    assert_unknown(view.location.altitude_barometric_m);
+    assert_int_equal(view.location.barometer_accuracy, 0);
 }
 
 static void px4s_barometric_altitude_of_0_is_unknown(void **state)
@@ -316,6 +388,10 @@ int main(void)
         cmocka_unit_test_setup(another_lead_is_no_leap_second_but_unknown, begin_setup),
         cmocka_unit_test_setup(without_utc_a_native_timestamp_is_not_trusted, begin_setup),
         cmocka_unit_test_setup(px4s_geodetic_altitude_is_above_mean_sea_level, begin_setup),
+        cmocka_unit_test_setup(a_native_altitude_that_contradicts_telemetry_is_not_broadcast,
+                               begin_setup),
+        cmocka_unit_test_setup(in_a_dive_two_altitudes_may_differ, begin_setup),
+        cmocka_unit_test_setup(a_pressure_altitude_that_no_weather_gives_is_unknown, begin_setup),
         cmocka_unit_test_setup(px4s_barometric_altitude_of_0_is_unknown, begin_setup),
     };
 

@@ -399,6 +399,74 @@ static void moved_after_landing_it_is_on_the_ground(void **state)
     assert_int_equal(view.location.status, AIRCRAFT_GROUND);
 }
 
+/* "On ground" for ever: it climbs away, and flies level. */
+static void a_landed_state_that_stays_on_the_ground_is_not_believed(void **state)
+{
+    (void)state;
+    fly(5);
+    arm(true);
+    for (unsigned i = 0; i < 60; i++) {
+        landed(MAV_LANDED_STATE_ON_GROUND);
+        sim.up_mps = i < 20 ? 3 : 0;
+        sim.altitude_m += sim.up_mps;
+        sim.north_mps = i < 40 ? 20 : 0; /* and at the end it hovers */
+        fly(1);
+        assert_true(i < 10 || view.location.status == AIRCRAFT_AIRBORNE);
+    }
+    assert_true(condition.landed_state_wrong);
+    landed(MAV_LANDED_STATE_IN_AIR); /* it moves after all: believed again */
+    fly(1);
+    assert_false(condition.landed_state_wrong);
+    landed(MAV_LANDED_STATE_ON_GROUND);
+    fly(1);
+    assert_int_equal(view.location.status, AIRCRAFT_GROUND);
+}
+
+/* "In air" for ever, by its landed state or the native status: it lies there, disarmed. */
+static void a_landed_state_that_stays_in_the_air_is_not_believed(void **state)
+{
+    (void)state;
+    for (unsigned with = 1; with < 4; with++) {
+        begin();
+        fly(5);
+        arm(true);
+        fly(20);
+        sim.armed = false;
+        for (unsigned i = 0; i < 40; i++) {
+            struct telemetry_update update = native_of(now_us);
+
+            update.location.speed_mps = update.location.vertical_speed_mps = 0;
+            if (with & 1) {
+                landed(MAV_LANDED_STATE_IN_AIR);
+            }
+            if (with & 2) {
+                give(&update);
+            }
+            fly(1);
+            assert_true(i > 25 || with == 2 || condition.armed);
+        }
+        assert_int_equal(view.location.status, AIRCRAFT_GROUND);
+        assert_false(condition.armed);
+        assert_int_equal(condition.landed_state_wrong, with & 1);
+    }
+}
+
+/* Disarmed by somebody's word, it flies on: what moves doesn't lie there. */
+static void what_moves_is_in_the_air_as_it_says(void **state)
+{
+    (void)state;
+    fly(5);
+    arm(true);
+    sim.north_mps = 15;
+    sim.armed = false;
+    for (unsigned i = 0; i < 60; i++) {
+        landed(MAV_LANDED_STATE_IN_AIR);
+        fly(1);
+    }
+    assert_int_equal(view.location.status, AIRCRAFT_AIRBORNE);
+    assert_true(condition.armed);
+}
+
 static void another_vehicle_starts_from_nothing(void **state)
 {
     struct telemetry_update update = update_of(TELEMETRY_HEARTBEAT);
@@ -444,6 +512,10 @@ int main(void)
         cmocka_unit_test_setup(native_alone_the_altitude_counts_not_a_home_that_moves, begin_setup),
         cmocka_unit_test_setup(a_native_height_counts_where_telemetry_knows_none, begin_setup),
         cmocka_unit_test_setup(moved_after_landing_it_is_on_the_ground, begin_setup),
+        cmocka_unit_test_setup(a_landed_state_that_stays_on_the_ground_is_not_believed,
+                               begin_setup),
+        cmocka_unit_test_setup(a_landed_state_that_stays_in_the_air_is_not_believed, begin_setup),
+        cmocka_unit_test_setup(what_moves_is_in_the_air_as_it_says, begin_setup),
         cmocka_unit_test_setup(another_vehicle_starts_from_nothing, begin_setup),
     };
 

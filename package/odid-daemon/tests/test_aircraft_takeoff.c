@@ -375,10 +375,24 @@ static void a_native_height_wins_and_telemetry_knows_its_own_afterwards(void **s
     fly(5);
     arm(true);
     fly(5);
-    assert_near(view.location.height_m, 33);
+    assert_near(view.location.height_m, 3);
     sim.native = false;
     sim.altitude_m = 184;
     fly(5);
+    assert_near(view.location.height_m, 100);
+}
+
+/* Above a home that was moved, above the sea, in feet: not above where it took off. */
+static void a_native_height_that_contradicts_the_altitudes_is_not_broadcast(void **state)
+{
+    (void)state;
+    sim.native = true;
+    fly(5);
+    arm(true);
+    fly(5);
+    assert_near(view.location.height_m, 3);
+    sim.altitude_m = 184; /* and the native one stays 3 */
+    fly(15);
     assert_near(view.location.height_m, 100);
 }
 
@@ -391,7 +405,7 @@ static void a_native_position_alone_freezes_a_takeoff_point(void **state)
     arm(true);
     fly(5);
     assert_near(view.system.operator_latitude_deg, 58.7089);
-    assert_near(view.system.operator_altitude_m, 222);
+    assert_near(view.system.operator_altitude_m, 125);
 }
 
 static void the_height_above_ground_is_said_to_be(void **state)
@@ -456,6 +470,8 @@ int main(void)
         cmocka_unit_test_setup(an_autopilot_restarted_in_flight_keeps_it_until_it_arms_again,
                                begin_setup),
         cmocka_unit_test_setup(a_native_height_wins_and_telemetry_knows_its_own_afterwards,
+                               begin_setup),
+        cmocka_unit_test_setup(a_native_height_that_contradicts_the_altitudes_is_not_broadcast,
                                begin_setup),
         cmocka_unit_test_setup(a_native_position_alone_freezes_a_takeoff_point, begin_setup),
         cmocka_unit_test_setup(the_height_above_ground_is_said_to_be, begin_setup),

@@ -104,6 +104,20 @@ static void a_step_of_utc_is_followed_after_three_messages(void **state)
     assert_system_time_right();
 }
 
+/* Said five times a second, wrong for one: nobody hears of it. */
+static void utc_that_steps_for_a_second_stays(void **state)
+{
+    (void)state;
+    fly(5);
+    for (unsigned i = 0; i < 20; i++) {
+        sim.utc_us += i == 5 ? 3600 * SECOND : i == 10 ? -3600 * SECOND : 0;
+        system_time();
+        fly(0.2);
+        assert_about((double)condition.unix_us,
+                     (double)(sim.utc_us - (i >= 5 && i < 10 ? 3600 * SECOND : 0) + now_us), 20000);
+    }
+}
+
 static void the_host_clock_is_irrelevant(void **state)
 {
     (void)state;
@@ -369,6 +383,7 @@ int main(void)
         cmocka_unit_test_setup(the_hour_rolls_over, begin_setup),
         cmocka_unit_test_setup(a_fix_from_before_the_full_hour_keeps_its_time, begin_setup),
         cmocka_unit_test_setup(a_step_of_utc_is_followed_after_three_messages, begin_setup),
+        cmocka_unit_test_setup(utc_that_steps_for_a_second_stays, begin_setup),
         cmocka_unit_test_setup(the_host_clock_is_irrelevant, begin_setup),
         cmocka_unit_test_setup(a_burst_after_a_stop_leaves_no_wrong_time, begin_setup),
         cmocka_unit_test_setup(a_burst_right_at_the_start_leaves_no_wrong_time, begin_setup),

@@ -54,6 +54,10 @@ static void judgements(void **state)
          "warning: [basic_id_2] id_type is the same as in [basic_id]: receivers keep one "
          "identifier of a kind\n"},
         {GOOD "[basic_id_2]\nuas_id = SE-ABC\nid_type = registration\n", ""},
+        {GOOD "[basic_id_2]\nuas_id = SSRS5GBG02\nid_type = registration\n",
+         "warning: [basic_id_2] id_type = registration, and uas_id = \"SSRS5GBG02\" has the form "
+         "of "
+         "a serial number: if it is one, set id_type = serial\n"},
         {GOOD "[system]\noperator_location_type = fixed\n",
          "warning: [system] operator_location_type = fixed needs operator_latitude and "
          "operator_longitude; the ground station's place or the take-off point is sent, and until "

@@ -6,6 +6,8 @@
 
 #include <cmocka.h>
 
+#include <common/mavlink.h>
+
 #include <stdio.h>
 
 #include "health_fixture.h"
@@ -123,6 +125,46 @@ static void conflicts(void **state)
     fixture.condition.basic_id_conflict = 0;
     fixture.condition.operator_id_conflict = 1;
     expect_one(HEALTH_WARNING, "autopilot sends another operator ID");
+}
+
+static void types_that_are_not_alike(void **state)
+{
+    static const struct {
+        uint8_t said, mav_type;
+        bool conflict;
+    } cases[] = {
+        {1, MAV_TYPE_FIXED_WING, false},     {1, MAV_TYPE_QUADROTOR, true},
+        {2, MAV_TYPE_QUADROTOR, false},      {2, MAV_TYPE_FIXED_WING, true},
+        {4, MAV_TYPE_FIXED_WING, false}, /* a quadplane */
+        {1, MAV_TYPE_VTOL_TILTROTOR, false}, {0, MAV_TYPE_QUADROTOR, false},
+        {15, MAV_TYPE_QUADROTOR, false},     {1, MAV_TYPE_GENERIC, false},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+        fixture.view.basic_id[0].ua_type = cases[i].said;
+        fixture.condition.mav_type = cases[i].mav_type;
+        if (cases[i].conflict) {
+            expect_one(HEALTH_WARNING, "HEARTBEAT has another UA type");
+        } else {
+            judge();
+            assert_int_equal(health.count, 0);
+        }
+    }
+    fixture.view.basic_ids = 2;
+    fixture.view.basic_id[1].id_type = 2;
+    strcpy(fixture.view.basic_id[1].uas_id, "SSRS5GBG01");
+    expect_one(HEALTH_WARNING, "serial number of another type");
+}
+
+static void what_is_not_believed(void **state)
+{
+    (void)state;
+    fixture.condition.altitudes_differ = true;
+    expect_one(HEALTH_WARNING, "native altitude not believed");
+    fixture.condition.altitudes_differ = false;
+    fixture.condition.landed_state_wrong = true;
+    expect_one(HEALTH_WARNING, "landed state not believed");
 }
 
 /* ---- autopilot ---- */
@@ -477,6 +519,8 @@ int main(void)
         TEST(second_identifier),
         TEST(wrong_operator_number),
         TEST(conflicts),
+        TEST(types_that_are_not_alike),
+        TEST(what_is_not_believed),
         TEST(link_states),
         TEST(positions),
         TEST(fields_that_stay_unknown),

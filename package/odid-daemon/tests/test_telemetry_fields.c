@@ -164,13 +164,31 @@ static void a_mavlink_1_gps_message_has_no_accuracies(void **state)
     assert_true(isnan(latest()->gps_raw.horizontal_accuracy_m));
 }
 
-static void the_separation_is_exact_at_the_extremes(void **state)
+/* One of the two altitudes is above something else, or nobody filled it. */
+static void a_separation_that_is_nowhere_on_earth_is_unknown(void **state)
 {
-    const mavlink_gps_raw_int_t raw = {.fix_type = 3, .alt = INT32_MIN, .alt_ellipsoid = INT32_MAX};
+    static const struct {
+        int32_t sea_mm, ellipsoid_mm;
+        double separation_m;
+    } cases[] = {{INT32_MIN, INT32_MAX, NAN},
+                 {100000, 221000, NAN},
+                 {100000, -21000, NAN},
+                 {100000, 185400, 85.4},
+                 {100000, -6900, -106.9}};
 
     (void)state;
-    feed(frame_gps_raw_int(VEHICLE, AUTOPILOT, &raw));
-    assert_near(latest()->gps_raw.separation_m, 4294967.295);
+    for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+        const mavlink_gps_raw_int_t raw = {
+            .fix_type = 3, .alt = cases[i].sea_mm, .alt_ellipsoid = cases[i].ellipsoid_mm};
+        double separation_m;
+
+        setup(state);
+        feed(frame_gps_raw_int(VEHICLE, AUTOPILOT, &raw));
+        separation_m = latest()->gps_raw.separation_m;
+        assert_true(isnan(cases[i].separation_m)
+                        ? isnan(separation_m)
+                        : fabs(separation_m - cases[i].separation_m) < 1e-6);
+    }
 }
 
 static void a_crash_is_read_of_the_autopilots_text(void **state)
@@ -346,7 +364,7 @@ int main(void)
         cmocka_unit_test_setup(system_time_counts_from_the_autopilot_only, setup),
         cmocka_unit_test_setup(gps_accuracies_come_in_metres_with_0_and_absent_unknown, setup),
         cmocka_unit_test_setup(a_mavlink_1_gps_message_has_no_accuracies, setup),
-        cmocka_unit_test_setup(the_separation_is_exact_at_the_extremes, setup),
+        cmocka_unit_test_setup(a_separation_that_is_nowhere_on_earth_is_unknown, setup),
         cmocka_unit_test_setup(home_and_landed_state_are_read, setup),
         cmocka_unit_test_setup(a_crash_is_read_of_the_autopilots_text, setup),
         cmocka_unit_test_setup(a_native_location_comes_in_degrees_metres_and_up_positive, setup),
