@@ -93,6 +93,39 @@ def test_the_port_that_had_an_autopilot_is_the_first(two_autopilots):
     assert two_autopilots.must("/lib/odid/autopilot-port").split() == ["/dev/ttyUSB0", "/dev/ttyACM1", "/dev/ttyACM0"]
 
 
+ROUTER = """#!/bin/sh
+cat /run/mavlink-router.conf >/began
+"""
+
+
+@pytest.mark.parametrize("said, began", [
+    ("/dev/ttyACM0", True), ("/dev/ttyACM9", False), ("/dev/ttyACM0|w/etc/owned", False), ("/dev/ttyACM1\n/dev/ttyACM0", False)])
+def test_only_a_port_that_is_one_gets_into_a_file_of_root_s(two_autopilots, said, began):
+    """What is left of a mavlink-routerd that was taken over has the user of what listens to the ports, and wrote into its
+    output; sed wrote it where it said, as root."""
+    one = two_autopilots
+    for name, text in {"chpst": '#!/bin/sh\nshift 2\nexec "$@"\n', "mavlink-routerd": ROUTER, "sv": NOTES,
+                       "odidctl": f"#!/bin/sh\n[ \"$1\" != find-autopilot ] || {{ printf '{said}\\n'; exit; }}\n" +
+                                  one.read("usr/bin/odidctl").removeprefix("#!/bin/sh\n")}.items():
+        one.write(f"usr/bin/{name}", text)
+        (one.root / f"usr/bin/{name}").chmod(0o755)
+    one.write("etc/group", "root:x:0:\ndialout:x:18:\n")
+    one.must("cd /etc/sv/mavlink-router && ./run")
+    assert one.exists("began") == began
+    assert not one.exists("etc/owned") and (not began or "/dev/ttyACM0" in one.read("began"))
+
+
+def test_what_an_earlier_start_left_is_ended_and_the_next_one_has_limits(appliance):
+    group = "sys/fs/cgroup/mavlink-router"
+    appliance.write(f"{group}/cgroup.procs", "")
+    appliance.must(". /lib/odid/functions; end_left mavlink-router; own_group mavlink-router 16 32")
+    said = {name: appliance.read(f"{group}/{name}").strip() for name in ("cgroup.kill", "pids.max", "memory.max", "memory.oom.group")}
+    assert said == {"cgroup.kill": "1", "pids.max": "16", "memory.max": str(32 << 20), "memory.oom.group": "1"}
+    assert appliance.read(f"{group}/cgroup.procs").strip().isdigit() and not appliance.exists("run/faults/group-mavlink-router")
+    appliance.must(". /lib/odid/functions; end_left mavlink-router")  # it doesn't go: here nobody ends it
+    assert "can't be ended" in appliance.read("run/faults/group-mavlink-router")
+
+
 def judged(appliance, port, heard):
     """autopilot-judge's first look, and what it did."""
     appliance.write("run/mavlink-router.port", port + "\n100\n")
@@ -525,8 +558,6 @@ def test_hostapd_s_answers_come_where_nobody_is_in_the_way():
 def limited(appliance):
     """Starts a service within limits, which says that it runs."""
     (appliance.root / "sys/fs/cgroup/appliance").mkdir(parents=True)
-    appliance.write("usr/bin/chpst", '#!/bin/sh\nshift 2\nexec "$@"\n')
-    (appliance.root / "usr/bin/chpst").chmod(0o755)
     appliance.start("/lib/odid/limited greedy 50 64 sh -c 'echo runs >/runs'")
     return appliance
 
@@ -730,7 +761,7 @@ def test_what_an_ended_swupdate_had_unpacked_is_gone(swupdate):
 def test_hawkbit_s_client_reads_its_configuration_and_nobody_else_writes_it(swupdate):
     """Root's SWUpdate takes from it which programs it calls as root."""
     swupdate.must("cd /etc/sv/swupdate && ./run")
-    assert [call for call in swupdate.calls() if call.startswith("chpst ") and " swupdate -f " in call], swupdate.calls()
+    assert [call for call in swupdate.calls() if call.startswith("swupdate -f ")], swupdate.calls()
     written = swupdate.read("run/swupdate.cfg")
     assert "a-secret" in written and f"userid = {USERS['odid-hawkbit'][0]};" in written
     assert f"groupid = {USERS['odid-hawkbit'][1]};" in written
