@@ -232,7 +232,7 @@ def test_nobody_on_the_ground_speaks_as_the_vehicle(appliance, vehicle):
     for name, keys in made.items():
         if "Endpoint" in name and name not in ("UartEndpoint autopilot", "UdpEndpoint daemon"):
             assert keys["BlockSrcSysIn"] == (vehicle or "1") and keys["BlockSrcCompIn"] == "1,236,237,238"
-            assert keys["BlockMsgIdIn"] == "12918"
+            assert keys["BlockMsgIdIn"] == "12918,256"
 
 
 def loaded(appliance):
@@ -542,6 +542,32 @@ def test_no_lease_takes_the_technician_s_networks_away(appliance, ip, mask, take
     appliance.must(f"interface=eth0 ip={ip} mask={mask} router= dns= /lib/odid/dhcp-event bound")
     assert (f"ip addr add {ip}/{mask} dev eth0" in appliance.calls()) == taken
     assert ("eth0 has this board's own addresses" in (appliance.fault("dhcp-eth0") or "")) != taken
+
+
+@pytest.mark.parametrize("ip, mask, station, interface, taken", [
+    ("10.20.0.9", 32, "10.20.0.9", "usb0", False), ("10.20.0.3", 25, "10.20.0.9:14550", "usb0", False),
+    ("10.20.0.200", 25, "10.20.0.9", "usb0", True), ("10.9.8.7", 1, "10.20.0.9", "usb0", False),
+    ("10.20.0.3", 25, "none", "usb0", True), ("10.20.0.3", 25, "", "usb0", True), ("10.20.0.3", 25, "10.20.0.9", "eth0", True)])
+def test_no_lease_takes_the_ground_station_away(appliance, ip, mask, station, interface, taken):
+    """A modem's DHCP server had its address: neither side heard the other any more."""
+    appliance.settings(ground_station__address=station)
+    appliance.write(f"sys/class/net/{interface}/ifindex", "2\n")
+    appliance.change("lib/odid/dhcp-event", ("ip addr", "/usr/bin/ip addr"))
+    appliance.must(f"interface={interface} ip={ip} mask={mask} router= dns= /lib/odid/dhcp-event bound")
+    assert (f"ip addr add {ip}/{mask} dev {interface}" in appliance.calls()) == taken
+    assert ("has the ground station's address" in (appliance.fault(f"dhcp-{interface}") or "")) != taken
+
+
+@pytest.mark.parametrize("state", ["on", "off"])
+def test_a_radio_that_comes_back_in_maintenance_has_its_addresses(appliance, state):
+    """Whoever gave the right password came in, and had no address."""
+    appliance.write("run/odid-appliance/maintenance", state + "\n")
+    appliance.must("mkdir -p /run/service/hostapd/supervise && mkfifo /run/service/hostapd/supervise/control")
+    appliance.change("lib/odid/functions", ("\tip addr replace", "\t/usr/bin/ip addr replace"))
+    appliance.must("ACTION=add MDEV=wlan0 /lib/odid/device-network")
+    begun = ["ip addr replace 192.168.41.1/24 dev wlan0", "sv term udhcpd", "sv up udhcpd"]
+    assert appliance.calls() == ["sv up hostapd", *(begun if state == "on" else [])]
+    assert appliance.exists("run/udhcpd.conf") == (state == "on")
 
 
 def test_hostapd_s_answers_come_where_nobody_is_in_the_way():
@@ -935,6 +961,7 @@ def test_a_factory_reset_forgets_nothing_that_config_can_t_bring_back(appliance,
     assert appliance.read("data/odid/odid.conf") == ("the image's\n" if forgotten else "mine\n")
     assert appliance.exists("data/odid/factory-reset") == forgotten     # it is S40config's to take away
     assert forgotten or "channel = 99" in said
+    assert ("There was no factory reset" in (appliance.fault("factory-reset") or "")) != forgotten
 
 
 # --- services -----------------------------------------------------------------------

@@ -314,7 +314,10 @@ void aircraft_update(struct aircraft *aircraft, const struct telemetry_update *u
         vertical_climb(&aircraft->vertical, update->climb_mps);
         break;
     case TELEMETRY_CRASHED:
-        aircraft->crashed_us = now_us;
+        /* What lies there disarmed doesn't crash: such a text is somebody else's. */
+        if (aircraft->armed) {
+            aircraft->crashed_us = now_us;
+        }
         break;
     case TELEMETRY_BASIC_ID:
         take_basic_id(aircraft, update);

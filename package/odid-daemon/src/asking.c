@@ -92,6 +92,12 @@ void asking_heard(struct asking *asking, const struct telemetry_update *update, 
 
         if (needed[i].kind == update->kind) {
             measure(message, now_us);
+            /* It is obeyed, so whoever switches it off again is answered as soon as it is missed.
+             */
+            if (i < VITAL && message->asked_for) {
+                message->from_us = now_us + MISSED * (int64_t)needed[i].request.interval_us;
+                message->wait_us = AGAIN_US;
+            }
         }
     }
 }

@@ -573,6 +573,13 @@ void belief_sequence(struct belief *belief, uint8_t sequence, bool again, int64_
     numbers->last_us = now_us;
 }
 
+bool belief_clock_goes_on(const struct belief *belief, uint32_t boot_ms, int64_t now_us)
+{
+    const struct belief_clock *clock = &belief->boot;
+
+    return clock->track.known && clock_fits(clock, clock_step_ms(clock, boot_ms, 0), 0, now_us);
+}
+
 void belief_new_link(struct belief *belief)
 {
     belief->numbers.known = false;

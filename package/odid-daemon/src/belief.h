@@ -110,6 +110,9 @@ void belief_sequence(struct belief *belief, uint8_t sequence, bool again, int64_
 /* The next frame comes by another link of the autopilot's, which has numbers of its own. */
 void belief_new_link(struct belief *belief);
 
+/* Would a time since boot, of whoever says it, go on with the believed clock? Changes nothing. */
+bool belief_clock_goes_on(const struct belief *belief, uint32_t boot_ms, int64_t now_us);
+
 /* Do two sources contradict each other? */
 bool belief_contradicted(const struct belief *belief, int64_t now_us);
 

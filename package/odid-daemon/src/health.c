@@ -229,16 +229,8 @@ static void judge_link(struct health *health, const struct health_input *input)
     }
 }
 
-static void judge_sources(struct health *health, const struct health_input *input, int64_t now_us)
+static void judge_sources(struct health *health, const struct health_input *input)
 {
-    if (input->link->overrun_us != INT64_MIN &&
-        now_us - input->link->overrun_us < AIRCRAFT_FRESH_US) {
-        /* What the aircraft lacks by it is said as such; else whoever floods would decide whether
-         * it may arm. */
-        WARNING("More comes to [mavlink] udp_port than anybody needs, and some of the autopilot's "
-                "is lost: find who sends it.",
-                "autopilot's link is flooded");
-    }
     if (input->contradicted) {
         FAULT("Something else speaks with the vehicle's system id: find it, switch it off. The one "
               "that was there first counts.",
@@ -465,6 +457,19 @@ static void judge_contradictions(struct health *health, const struct health_inpu
     }
 }
 
+/* What the aircraft lacks by it is said as such; else whoever floods would decide whether it may
+ * arm.
+ */
+static void judge_flood(struct health *health, const struct health_input *input, int64_t now_us)
+{
+    if (input->link->overrun_us != INT64_MIN &&
+        now_us - input->link->overrun_us < AIRCRAFT_FRESH_US) {
+        WARNING("More comes to [mavlink] udp_port than anybody needs, and some of the autopilot's "
+                "is lost: find who sends it.",
+                "autopilot's link is flooded");
+    }
+}
+
 static void judge_daemon(struct health *health, const struct health_input *input)
 {
     if (input->config_errors > 0) {
@@ -502,7 +507,7 @@ void health_judge(struct health *health, const struct health_input *input, int64
               "off.",
               "simulated flight (HIL mode)");
     }
-    judge_sources(health, input, now_us);
+    judge_sources(health, input);
     judge_basic_ids(health, input->view);
     judge_operator_id(health, input->view);
     judge_link(health, input);
@@ -514,13 +519,16 @@ void health_judge(struct health *health, const struct health_input *input, int64
     judge_conflicts(health, input->condition);
     judge_contradictions(health, input);
     judge_data(health, input);
+    judge_flood(health, input, now_us);
     judge_daemon(health, input);
 }
 
 const char *health_reason(const struct health *health)
 {
-    if (health->count == 0 || health->problem[0].severity != HEALTH_FAULT) {
-        return "";
+    for (unsigned i = 0; i < health->count; i++) {
+        if (health->problem[i].severity == HEALTH_FAULT) {
+            return health->problem[i].reason;
+        }
     }
-    return health->problem[0].reason;
+    return "";
 }

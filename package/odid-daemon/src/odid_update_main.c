@@ -292,7 +292,8 @@ static void roll_back(int64_t now_us)
 
 static void restart_board(void)
 {
-    log_info("update: the board restarts");
+    struct update_board board;
+
     if (self.overwritten) {
         keep_reason();
     }
@@ -300,7 +301,13 @@ static void restart_board(void)
         complain("maintenance can't be kept over the restart",
                  whole_file_replace(MAINTENANCE_AGAIN, "", 0, 0644));
     }
-    sync();
+    sync(); /* which takes its time: nobody may have armed meanwhile */
+    json_object_put(ask(&board));
+    if (board.armed) {
+        log_info("update: the aircraft is armed: the restart waits");
+        return;
+    }
+    log_info("update: the board restarts");
     kill(1, SIGTERM); /* init's order to restart */
 }
 
@@ -453,6 +460,16 @@ static void protect_other(bool written)
     update_slot_protect(self.other, true);
 }
 
+/* Called off, and written to its end all the same: whoever called it off was told that nothing has
+ * changed. */
+static void withdraw(void)
+{
+    struct update_variables committed = {.slot = self.running};
+
+    complain("the slot's mark can't be withdrawn",
+             update_variables_write(ENVIRONMENT_CONFIG, &committed, UPDATE_REPORT_NOTHING));
+}
+
 /* SWUpdate marks the slot before it says so, and may fail or be ended between, or say that all went
  * well after a mere trial run: the mark counts, as it does for U-Boot. */
 static void on_ends(const char *why, int64_t now_us)
@@ -468,6 +485,9 @@ static void on_ends(const char *why, int64_t now_us)
     }
     if (why[0] != '\0') {
         log_info("SWUpdate says: %s", why);
+    }
+    if (self.update.called_off && is_marked()) {
+        withdraw();
     }
     protect_other(passed);
     if (is_marked()) {
@@ -506,6 +526,8 @@ static void judge_offer(bool unattended, char answer[UPDATE_SENTENCE_SIZE])
         snprintf(answer, UPDATE_SENTENCE_SIZE,
                  "The one before it was broken off, and its server is being told. Try again in a "
                  "quarter of a minute.");
+    } else if (!self.beside && self.update.stopped != NULL) {
+        snprintf(answer, UPDATE_SENTENCE_SIZE, "%s", self.update.stopped);
     } else {
         update_question_answer(&question, answer);
     }
@@ -522,7 +544,9 @@ static void cancel(char answer[UPDATE_SENTENCE_SIZE])
         snprintf(answer, UPDATE_SENTENCE_SIZE,
                  "Nothing is being installed that could be called "
                  "off.");
+        return;
     }
+    act(loop_now_us()); /* at once: it may be at its last octets */
 }
 
 /* SWUpdate's question, in a process of its own. */
@@ -600,6 +624,11 @@ static void resume(bool first, int64_t now_us)
     } else if (is_trial(variables, self.other) && fallback[0] == '\0') {
         update_version(&self.update, self.record.to); /* installed, not restarted yet */
         update_installed(&self.update, now_us);
+    } else if (!first && variables->trial_failed == self.running) {
+        /* Its trial failed in this boot, and the restart waits for the aircraft to be disarmed. */
+        snprintf(self.reason, sizeof(self.reason), "It failed its trial.");
+        update_version(&self.update, self.version);
+        update_rolled_back(&self.update, now_us);
     } else if (variables->upgrade_available || variables->trial_failed != '\0') {
         if (recorded) {
             explain_fallback(fallback);

@@ -106,10 +106,11 @@ static void show_progress(struct json_object *state)
     }
 }
 
-/* How it was before the bundle was handed over. */
+/* How it was before the bundle was handed over, and what was seen since. */
 struct before {
     ino_t result;
-    bool waits; /* for the restart, because of another bundle */
+    bool waits;   /* for the restart, because of another bundle */
+    bool written; /* the gate was passed, and the other slot is written */
 };
 
 static bool is(struct json_object *state, const char *name)
@@ -128,13 +129,14 @@ static struct before look_before(const struct odidctl_places *places)
 }
 
 /* Returns an exit code when it is over, -1 while it isn't. */
-static int look(const struct odidctl_places *places, const struct before *before)
+static int look(const struct odidctl_places *places, struct before *before)
 {
     struct json_object *state = read_json(places->state, UPDATE_STATE_FILE), *result;
     bool ended = !is(state, "checking") && !is(state, "installing");
     int code = -1;
 
     show_progress(state);
+    before->written = before->written || is(state, "installing");
     if (ended && result_number(places) != before->result) {
         result = read_json(places->data, UPDATE_RESULT_FILE);
         printf("%s\n", text_of(result, "sentence"));
@@ -225,7 +227,7 @@ static bool close_source(struct source *source)
  * Returns look()'s answer; *whole: nothing of the source is missed.
  */
 static int hand_over(struct source *source, int installer, const struct odidctl_places *places,
-                     const struct before *before, bool *whole)
+                     struct before *before, bool *whole)
 {
     static char piece[65536];
     struct pollfd input = {.fd = source->fd, .events = POLLIN};
@@ -249,8 +251,9 @@ static int hand_over(struct source *source, int installer, const struct odidctl_
     return code;
 }
 
-/* *to_its_end: it was read, whatever came of it; else it may be another story next time. */
-static int install(const struct odidctl_places *places, const char *name, bool *to_its_end)
+/* *tried: it was read to its end, whatever came of it, or cost the other slot; else it may be
+ * another story next time. What is armed meanwhile breaks it off: that isn't the bundle's. */
+static int install(const struct odidctl_places *places, const char *name, bool *tried)
 {
     const struct timespec moment = {.tv_nsec = LOOK_MS * 1000000};
     struct before before = look_before(places);
@@ -259,7 +262,7 @@ static int install(const struct odidctl_places *places, const char *name, bool *
     bool whole;
     char octet;
 
-    *to_its_end = false;
+    *tried = false;
     if (!open_source(name, &source)) {
         return ODIDCTL_NOT_GOOD;
     }
@@ -274,7 +277,7 @@ static int install(const struct odidctl_places *places, const char *name, bool *
     signal(SIGPIPE, SIG_IGN);
     code = hand_over(&source, installer, places, &before, &whole);
     ipc_end(installer);
-    *to_its_end = read(source.fd, &octet, 1) == 0;
+    *tried = read(source.fd, &octet, 1) == 0;
     whole = close_source(&source) && whole;
     if (code < 0 && !whole) {
         complain_of(name, "could not be read to its end", "");
@@ -286,6 +289,7 @@ static int install(const struct odidctl_places *places, const char *name, bool *
     if (code < 0) {
         fputs("odidctl: nothing looks after updates: what became of it isn't known\n", stderr);
     }
+    *tried = *tried || (before.written && odidctl_not_disarmed(places) == NULL);
     return code < 0 ? ODIDCTL_NO_ANSWER : code;
 }
 
@@ -325,6 +329,9 @@ static bool is_tried_again(const struct odidctl_places *places, const char *path
     stat(path, &file);
     snprintf(identity, UPDATE_IDENTITY_SIZE, "%lld %lld %.60s", (long long)file.st_size,
              (long long)file.st_mtime, name == NULL ? path : name + 1);
+    for (char *c = identity; *c != '\0'; c++) { /* it is kept as one line */
+        *c = (unsigned char)*c < ' ' ? '?' : *c;
+    }
     snprintf(kept, sizeof(kept), "%s/" UPDATE_STICK_FILE, places->data);
     whole_file_line(kept, before, sizeof(before));
     snprintf(kept, sizeof(kept), "%s/" UPDATE_STICK_FAILURES_FILE, places->state);
@@ -362,7 +369,7 @@ static int install_from(const struct odidctl_places *places, const char *folder)
     char path[ODIDCTL_PATH_SIZE + NAME_MAX + 2];
     char identity[UPDATE_IDENTITY_SIZE];
     struct update_bundle bundle;
-    bool to_its_end;
+    bool tried;
     int unattended, result;
 
     snprintf(path, sizeof(path), "%s/hardware", places->state);
@@ -384,9 +391,9 @@ static int install_from(const struct odidctl_places *places, const char *folder)
         return ODIDCTL_NO_ANSWER;
     }
     printf("Version %s is tried.\n", bundle.version);
-    result = install(places, path, &to_its_end);
+    result = install(places, path, &tried);
     close(unattended);
-    if (result == ODIDCTL_NOT_GOOD && to_its_end) {
+    if (result == ODIDCTL_NOT_GOOD && tried) {
         remember_failure(places, identity);
     }
     return result;
@@ -409,7 +416,7 @@ static int cancel(const struct odidctl_places *places)
 int odidctl_update(const struct odidctl_places *places, const char *name)
 {
     struct stat file;
-    bool to_its_end;
+    bool tried;
 
     setenv("TMPDIR", "/run/swupdate", 0); /* where libswupdate looks for SWUpdate */
     if (name == NULL) {
@@ -419,5 +426,5 @@ int odidctl_update(const struct odidctl_places *places, const char *name)
         return cancel(places);
     }
     return stat(name, &file) == 0 && S_ISDIR(file.st_mode) ? install_from(places, name)
-                                                           : install(places, name, &to_its_end);
+                                                           : install(places, name, &tried);
 }

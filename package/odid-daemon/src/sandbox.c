@@ -138,6 +138,16 @@ static const int never[] = {
     SCMP_SYS(clone),
     SCMP_SYS(clone3),
     SCMP_SYS(uselib),
+    /* out of its keeper's hands, and its limits */
+    SCMP_SYS(prctl),
+    SCMP_SYS(kill),
+    SCMP_SYS(setrlimit),
+    SCMP_SYS(prlimit64),
+    SCMP_SYS(setpriority),
+    SCMP_SYS(sched_setscheduler),
+    SCMP_SYS(sched_setparam),
+    SCMP_SYS(sched_setattr),
+    SCMP_SYS(sched_setaffinity),
     /* into other processes */
     SCMP_SYS(ptrace),
     SCMP_SYS(process_vm_readv),

@@ -10,7 +10,6 @@
 #include "telemetry_odid.h"
 
 /* A vehicle that was silent for this long may be another one: a changed SYSID, another aircraft. */
-#define SEPARATION_MAX_M 120.0
 #define VEHICLE_FORGOTTEN_US 10000000
 #define VEHICLE_EXPECTED_US 3000000 /* three of its HEARTBEATs */
 /* Who says HEARTBEATs for so long, or anything else, is there to stay; who falls silent before, for
@@ -19,6 +18,20 @@
 #define PASSED_BY_US 1500000
 /* An autopilot has started by then; one that is expected still isn't there. */
 #define VEHICLE_STARTED_US 60000000
+
+/* An autopilot that is given another system id in flight goes on with its numbers and its clock; it
+ * takes its own place once the old id has been silent for so long. */
+#define RENAMED_US 3000000
+#define RENAMED_LOST_MAX 8
+/* No geoid is further from the ellipsoid. */
+#define SEPARATION_MAX_M 120.0
+
+/* Another system, whose autopilot goes on where the vehicle's ended. */
+struct renamed {
+    uint8_t system; /* 0: none */
+    uint8_t sequence;
+    bool same_clock;
+};
 
 struct telemetry {
     telemetry_fn *deliver;
@@ -42,6 +55,8 @@ struct telemetry {
     bool by_another;          /* the native message that is being read isn't its autopilot's */
     int vehicle_stream;
     int64_t heartbeat_us;
+    int64_t latest_us;
+    struct renamed renamed;
     int64_t vehicle_until_us;         /* no other system is the vehicle until then */
     uint8_t ground_stations[256 / 8]; /* system ids that sent a ground station's HEARTBEAT */
 };
@@ -188,7 +203,8 @@ static bool says_crashed(const mavlink_message_t *message)
            strncmp(status.text, crash, strlen(crash)) == 0;
 }
 
-/* Not another component's: a ground station commands, too. MAVLink 1 doesn't say whose it is. */
+/* Not another component's, or another system's: a ground station commands, too. MAVLink 1 doesn't
+ * say whose it is, and only it: in MAVLink 2 nobody's number is somebody who has none. */
 static bool read_command_ack(const mavlink_message_t *message, struct telemetry_update *update)
 {
     mavlink_command_ack_t ack;
@@ -196,7 +212,10 @@ static bool read_command_ack(const mavlink_message_t *message, struct telemetry_
     mavlink_msg_command_ack_decode(message, &ack);
     update->command_ack.command = ack.command;
     update->command_ack.result = ack.result;
-    return ack.target_component == TELEMETRY_COMPONENT_ODID || ack.target_component == 0;
+    if (message->magic == MAVLINK_STX_MAVLINK1) {
+        return true;
+    }
+    return ack.target_component == TELEMETRY_COMPONENT_ODID && ack.target_system == message->sysid;
 }
 
 /* Plain telemetry, from the vehicle's autopilot only. Returns false when the id is of no use. */
@@ -395,6 +414,61 @@ static bool takes_over(const struct telemetry *telemetry, uint8_t system_id, boo
            now_us >= telemetry->vehicle_until_us;
 }
 
+/* The same autopilot under another number: what was learnt of it stands. */
+static bool is_renamed(const struct telemetry *telemetry, uint8_t system_id, int64_t now_us)
+{
+    return telemetry->renamed.system == system_id && telemetry->renamed.same_clock &&
+           now_us - telemetry->latest_us >= RENAMED_US;
+}
+
+static bool goes_on_by_clock(const struct telemetry *telemetry, const mavlink_message_t *message,
+                             int64_t now_us)
+{
+    struct telemetry_update update;
+
+    if (!read_plain(message, &update)) {
+        return false;
+    }
+    return (update.kind == TELEMETRY_GLOBAL_POSITION &&
+            belief_clock_goes_on(&telemetry->belief, update.global_position.boot_ms, now_us)) ||
+           (update.kind == TELEMETRY_SYSTEM_TIME &&
+            belief_clock_goes_on(&telemetry->belief, update.system_time.boot_ms, now_us));
+}
+
+/* A frame of another system's autopilot: is it the vehicle's next one? */
+static void watch_renamed(struct telemetry *telemetry, unsigned stream,
+                          const mavlink_message_t *message, int64_t now_us)
+{
+    struct renamed *renamed = &telemetry->renamed;
+    bool first = renamed->system != message->sysid;
+    uint8_t step = (uint8_t)(message->seq - (first ? telemetry->latest.seq : renamed->sequence));
+
+    if (telemetry->vehicle_stream != (int)stream || telemetry->latest.sysid != telemetry->vehicle) {
+        return;
+    }
+    if (step == 0 || step > RENAMED_LOST_MAX) {
+        renamed->system = first ? renamed->system : 0;
+        return;
+    }
+    if (first && (renamed->system != 0 || now_us - telemetry->latest_us >= RENAMED_US)) {
+        return; /* long after its end, or beside one that does */
+    }
+    renamed->same_clock =
+        (!first && renamed->same_clock) || goes_on_by_clock(telemetry, message, now_us);
+    renamed->system = message->sysid;
+    renamed->sequence = message->seq;
+}
+
+static void rename_vehicle(struct telemetry *telemetry, uint8_t system_id)
+{
+    if (telemetry->kept == telemetry->vehicle) {
+        telemetry->kept = system_id;
+    }
+    telemetry->vehicle = system_id;
+    telemetry->renamed.system = 0;
+    belief_new_link(&telemetry->belief);
+}
+
 static void take_heartbeat(struct telemetry *telemetry, const mavlink_message_t *message,
                            int64_t now_us)
 {
@@ -415,6 +489,9 @@ static void take_heartbeat(struct telemetry *telemetry, const mavlink_message_t 
         return;
     }
     armed = heartbeat.base_mode & MAV_MODE_FLAG_SAFETY_ARMED;
+    if (is_renamed(telemetry, message->sysid, now_us)) {
+        rename_vehicle(telemetry, message->sysid);
+    }
     if (message->sysid != telemetry->vehicle) {
         if (!takes_over(telemetry, message->sysid, armed, now_us)) {
             telemetry->counters.other_system++;
@@ -486,7 +563,11 @@ static void take_frame(struct telemetry *telemetry, unsigned stream,
         belief_sequence(&telemetry->belief, message->seq, same_frame(message, &telemetry->latest),
                         now_us);
         telemetry->latest = *message;
+        telemetry->latest_us = now_us;
+        telemetry->renamed.system = 0;
         telemetry->vehicle_stream = (int)stream;
+    } else if (message->compid == MAV_COMP_ID_AUTOPILOT1 && message->sysid != 0) {
+        watch_renamed(telemetry, stream, message, now_us);
     }
 }
 

@@ -34,6 +34,7 @@ static void enter(struct update *update, enum update_state state, int64_t now_us
     update->percent = -1;
     update->seconds_left = -1;
     update->stopped = NULL;
+    update->called_off = false;
     update->slow = false;
     update->moved_us = now_us;
     va_start(arguments, format);
@@ -111,6 +112,7 @@ bool update_cancel(struct update *update)
     if (update->state != UPDATE_CHECKING && update->state != UPDATE_INSTALLING) {
         return false;
     }
+    update->called_off = true;
     stop(update, "It was called off; nothing has changed.");
     return true;
 }

@@ -67,6 +67,7 @@ struct update {
     int64_t well_us, tried_us;            /* how long all is well; how long the trial has lasted */
     char complaint[UPDATE_SENTENCE_SIZE]; /* why it wasn't well, when it wasn't for the last time */
     int64_t disarmed_us;                  /* how long it was disarmed, while waiting */
+    bool called_off;                      /* by somebody who was told that nothing changes */
     const char *stopped; /* why the installer was told to end, a sentence; NULL: it wasn't */
     bool slow;           /* it was because nothing moved */
 };

@@ -35,6 +35,7 @@ FRAME_FUNCTION(statustext)
 FRAME_FUNCTION(attitude)
 FRAME_FUNCTION(global_position_int)
 FRAME_FUNCTION(home_position)
+FRAME_FUNCTION(command_ack)
 FRAME_FUNCTION(extended_sys_state)
 FRAME_FUNCTION(open_drone_id_basic_id)
 FRAME_FUNCTION(open_drone_id_location)
@@ -47,6 +48,12 @@ FRAME_FUNCTION(open_drone_id_message_pack)
 FRAME_FUNCTION(open_drone_id_arm_status)
 
 #undef FRAME_FUNCTION
+
+/* The following frames don't go on with the numbers of those before: another sender's. */
+static inline void frames_are_another_senders(void)
+{
+    mavlink_get_channel_status(MAVLINK_COMM_0)->current_tx_seq += 100;
+}
 
 /* What the following frames are: MAVLink 1 or 2, signed or not. */
 static inline void frames_are(unsigned version, bool is_signed)

@@ -255,6 +255,21 @@ static void in_doubt_one_word_is_no_emergency(void **state)
     assert_true(condition.emergency);
 }
 
+/* One text of somebody else's, and it would stand until the aircraft is armed. */
+static void what_lies_there_disarmed_does_not_crash(void **state)
+{
+    struct telemetry_update crash = update_of(TELEMETRY_CRASHED);
+
+    (void)state;
+    fly(5);
+    give(&crash);
+    fly(5);
+    assert_int_equal(view.location.status, AIRCRAFT_GROUND);
+    arm(true);
+    fly(5);
+    assert_int_equal(view.location.status, AIRCRAFT_AIRBORNE);
+}
+
 /* It lies there, disarmed, and by its landed state on the ground. */
 static void a_crash_is_an_emergency_until_it_is_armed_again(void **state)
 {
@@ -499,6 +514,7 @@ int main(void)
         cmocka_unit_test_setup(a_crash_that_is_only_said_is_none, begin_setup),
         cmocka_unit_test_setup(hardware_in_the_loop_is_known_as_such, begin_setup),
         cmocka_unit_test_setup(in_doubt_one_word_is_no_emergency, begin_setup),
+        cmocka_unit_test_setup(what_lies_there_disarmed_does_not_crash, begin_setup),
         cmocka_unit_test_setup(a_crash_is_an_emergency_until_it_is_armed_again, begin_setup),
         cmocka_unit_test_setup(a_lost_heartbeat_is_a_remote_id_failure_after_3_s, begin_setup),
         cmocka_unit_test_setup(a_lost_heartbeat_keeps_a_position_that_still_comes, begin_setup),

@@ -126,6 +126,22 @@ static void what_does_not_come_is_asked_for_once(void **state)
     expect_asked(ALL, 1);
 }
 
+/* A ground station that says "not that" twice a second: the position comes again each time. */
+static void what_is_switched_off_all_the_time_is_asked_for_each_time(void **state)
+{
+    unsigned came = 0;
+
+    (void)state;
+    pass(10);
+    for (unsigned i = 0; i < 120; i++) {
+        sends_us[1] = 0;
+        pass(0.5);
+        came += sends_us[1] != 0;
+    }
+    assert_true(came >= 40);
+    assert_true(asked[1] <= 130); /* and the autopilot isn't flooded by it */
+}
+
 static void what_comes_is_not_asked_for(void **state)
 {
     (void)state;
@@ -276,6 +292,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup(what_does_not_come_is_asked_for_once, setup),
+        cmocka_unit_test_setup(what_is_switched_off_all_the_time_is_asked_for_each_time, setup),
         cmocka_unit_test_setup(what_comes_is_not_asked_for, setup),
         cmocka_unit_test_setup(what_comes_too_seldom_is_asked_for, setup),
         cmocka_unit_test_setup(what_was_switched_off_is_asked_for_again_within_5_s, setup),

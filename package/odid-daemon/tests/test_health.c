@@ -480,6 +480,10 @@ static void a_flood_keeps_from_arming_while_it_lasts(void **state)
     (void)state;
     fixture.link.overrun_us = NOW - 2900000;
     expect_one(HEALTH_WARNING, "autopilot's link is flooded");
+    fixture.input.contradicted = true; /* nobody hides a fault behind that */
+    judge();
+    assert_string_equal(health_reason(&health), "two speak as the autopilot");
+    fixture.input.contradicted = false;
     fixture.link.overrun_us = NOW - 3000000;
     judge();
     assert_int_equal(health.count, 0);

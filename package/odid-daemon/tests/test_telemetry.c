@@ -359,6 +359,7 @@ static void the_vehicle_of_before_a_restart_counts_before_its_heartbeat(void **s
     assert_int_equal(telemetry_vehicle(telemetry), VEHICLE);
     assert_true(telemetry_heartbeat_us(telemetry) == INT64_MIN);
     assert_int_equal(feed(some_position(VEHICLE, AUTOPILOT)), 1);
+    frames_are_another_senders();
     assert_int_equal(feed(some_position(VEHICLE + 1, AUTOPILOT)), 0);
     now_us += 2900000;
     assert_int_equal(feed(disarmed_heartbeat(VEHICLE + 1)), 0);
@@ -464,6 +465,62 @@ static void in_flight_no_other_vehicle_takes_its_place(void **state)
     }
     assert_int_equal(telemetry_vehicle(telemetry), VEHICLE);
     assert_int_equal(feed(autopilot_heartbeat(VEHICLE)), 1);
+}
+
+/* Given another system id in the air, as ArduPlane takes it: the autopilot goes on with its numbers
+ * and its clock. */
+static void an_autopilot_with_another_number_is_the_same(void **state)
+{
+    (void)state;
+    for (unsigned i = 0; i < 5; i++) {
+        now_us += SECOND;
+        feed(autopilot_heartbeat(VEHICLE));
+        feed(some_position(VEHICLE, AUTOPILOT));
+    }
+    for (unsigned i = 0; i < 3; i++) {
+        now_us += SECOND;
+        assert_int_equal(feed(autopilot_heartbeat(OTHER_VEHICLE)), i < 2 ? 0 : 1);
+        assert_int_equal(feed(some_position(OTHER_VEHICLE, AUTOPILOT)), i < 2 ? 0 : 1);
+    }
+    now_us += SECOND;
+    assert_int_equal(feed(autopilot_heartbeat(OTHER_VEHICLE)), 1);
+    assert_false(latest()->heartbeat.new_vehicle);
+    assert_false(latest()->heartbeat.doubtful);
+    assert_int_equal(feed(some_position(OTHER_VEHICLE, AUTOPILOT)), 1);
+    assert_int_equal(telemetry_vehicle(telemetry), OTHER_VEHICLE);
+    assert_false(telemetry_contradicted(telemetry, now_us));
+}
+
+/* A neighbour, heard by the same radio: other numbers, or another clock; or the vehicle speaks on.
+ */
+static void a_neighbour_is_not_the_same_under_another_number(void **state)
+{
+    mavlink_global_position_int_t position = {
+        .lat = 577089000, .lon = 119746000, .time_boot_ms = 7000};
+
+    (void)state;
+    for (unsigned how = 0; how < 3; how++) {
+        setup(state);
+        for (unsigned i = 0; i < 5; i++) {
+            now_us += SECOND;
+            feed(autopilot_heartbeat(VEHICLE));
+            feed(some_position(VEHICLE, AUTOPILOT));
+        }
+        if (how == 0) {
+            frames_are_another_senders();
+        }
+        for (unsigned i = 0; i < 20; i++) {
+            now_us += SECOND;
+            position.time_boot_ms += 1000;
+            if (how == 2) {
+                feed(autopilot_heartbeat(VEHICLE));
+            }
+            feed(autopilot_heartbeat(OTHER_VEHICLE));
+            feed(how == 1 ? frame_global_position_int(OTHER_VEHICLE, AUTOPILOT, &position)
+                          : some_position(OTHER_VEHICLE, AUTOPILOT));
+        }
+        assert_int_equal(telemetry_vehicle(telemetry), VEHICLE);
+    }
 }
 
 static void one_that_flies_takes_no_place_at_all(void **state)
@@ -584,6 +641,8 @@ int main(void)
         cmocka_unit_test_setup(another_vehicle_waits_for_10_s_of_silence, setup),
         cmocka_unit_test_setup(a_stray_voice_holds_nobody_off, setup),
         cmocka_unit_test_setup(in_flight_no_other_vehicle_takes_its_place, setup),
+        cmocka_unit_test_setup(an_autopilot_with_another_number_is_the_same, setup),
+        cmocka_unit_test_setup(a_neighbour_is_not_the_same_under_another_number, setup),
         cmocka_unit_test_setup(one_that_flies_takes_no_place_at_all, setup),
         cmocka_unit_test_setup(the_first_vehicle_has_its_place_back_when_it_returns, setup),
         cmocka_unit_test_setup(who_took_off_here_gives_way_to_nobody_who_was_only_expected, setup),

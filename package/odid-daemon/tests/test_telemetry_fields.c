@@ -191,6 +191,29 @@ static void a_separation_that_is_nowhere_on_earth_is_unknown(void **state)
     }
 }
 
+/* What a ground station's commands are answered isn't ours; MAVLink 1 doesn't say whose an answer
+ * is. */
+static void an_answer_counts_when_it_is_ours(void **state)
+{
+    static const struct {
+        unsigned version;
+        uint8_t system, component;
+        bool ours;
+    } cases[] = {{2, VEHICLE, 236, true}, {2, VEHICLE, 190, false}, {2, 99, 0, false},
+                 {2, 0, 0, false},        {2, 99, 236, false},      {1, 0, 0, true}};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+        const mavlink_command_ack_t ack = {.command = MAV_CMD_SET_MESSAGE_INTERVAL,
+                                           .result = MAV_RESULT_DENIED,
+                                           .target_system = cases[i].system,
+                                           .target_component = cases[i].component};
+
+        frames_are(cases[i].version, false);
+        assert_int_equal(feed(frame_command_ack(VEHICLE, AUTOPILOT, &ack)), cases[i].ours);
+    }
+}
+
 static void a_crash_is_read_of_the_autopilots_text(void **state)
 {
     mavlink_statustext_t text = {.severity = MAV_SEVERITY_EMERGENCY, .text = "Crash: Disarming"};
@@ -366,6 +389,7 @@ int main(void)
         cmocka_unit_test_setup(a_mavlink_1_gps_message_has_no_accuracies, setup),
         cmocka_unit_test_setup(a_separation_that_is_nowhere_on_earth_is_unknown, setup),
         cmocka_unit_test_setup(home_and_landed_state_are_read, setup),
+        cmocka_unit_test_setup(an_answer_counts_when_it_is_ours, setup),
         cmocka_unit_test_setup(a_crash_is_read_of_the_autopilots_text, setup),
         cmocka_unit_test_setup(a_native_location_comes_in_degrees_metres_and_up_positive, setup),
         cmocka_unit_test_setup(each_native_unknown_is_unknown, setup),

@@ -6,7 +6,7 @@
  * MAVLink frame a datagram. It ends, with 1, when the serial port hangs up or vanishes. Sections
  * and keys it knows: [General] (TcpServerPort has to be 0 or absent, the rest is passed over),
  * [UartEndpoint x] Device, Baud, BlockSrcCompIn; [UdpEndpoint x] Mode, Address, Port,
- * AllowSrcCompIn, BlockSrcCompIn, BlockSrcSysIn, BlockMsgIdIn (one); other keys of endpoints are
+ * AllowSrcCompIn, BlockSrcCompIn, BlockSrcSysIn, BlockMsgIdIn (eight at most); other keys of endpoints are
  * passed over, other sections are refused.
  *
  * As mavlink-router's version 4 does (src/endpoint.cpp: read_msg, allowed_by_incoming_filters,
@@ -35,7 +35,7 @@
 struct filter {
     bool only_listed; /* AllowSrcCompIn is set */
     bool allowed_component[256], blocked_component[256], blocked_system[256];
-    int blocked_message;       /* 0: none */
+    int blocked_message[8];    /* 0: none */
     bool lives_here[256][256]; /* systems' components that were heard by it */
 };
 
@@ -98,6 +98,17 @@ static void set_list(bool list[256], const char *text)
     }
 }
 
+static void set_messages(int list[8], const char *text)
+{
+    for (int i = 0; text != NULL; i++) {
+        if (i == 8)
+            die(text, "more messages than the relay can block");
+        list[i] = number(text, 1, 0xFFFFFF);
+        text = strchr(text, ',');
+        text = text != NULL ? text + 1 : NULL;
+    }
+}
+
 enum section { GENERAL, UART, UDP };
 
 static enum section open_section(char *name)
@@ -132,7 +143,7 @@ static void set_key(enum section section, const char *key, const char *value)
     else if (section == UDP && strcasecmp(key, "BlockSrcSysIn") == 0)
         set_list(filter->blocked_system, value);
     else if (section == UDP && strcasecmp(key, "BlockMsgIdIn") == 0)
-        filter->blocked_message = number(value, 1, 0xFFFFFF);
+        set_messages(filter->blocked_message, value);
     else if (section == UDP && strcasecmp(key, "Mode") == 0) {
         if (strcasecmp(value, "Normal") != 0 && strcasecmp(value, "Server") != 0)
             die(value, "Mode: Normal or Server expected");
@@ -238,11 +249,19 @@ static int component_of(const unsigned char *frame)
     return frame[0] == 0xFE ? frame[4] : frame[6];
 }
 
+static bool is_listed(const int list[8], int message)
+{
+    for (int i = 0; i < 8; i++)
+        if (list[i] != 0 && list[i] == message)
+            return true;
+    return false;
+}
+
 static bool may_enter(const struct filter *filter, const unsigned char *frame)
 {
     int message = frame[0] == 0xFE ? frame[5] : frame[7] | frame[8] << 8 | frame[9] << 16;
 
-    if (filter->blocked_message != 0 && message == filter->blocked_message)
+    if (is_listed(filter->blocked_message, message))
         return false;
     return !(filter->only_listed && !filter->allowed_component[component_of(frame)]) &&
            !filter->blocked_component[component_of(frame)] &&

@@ -162,6 +162,12 @@ def arm_status(who):
     return common.MAVLink_open_drone_id_arm_status_message(0, b"").pack(link)
 
 
+def setup_signing(who):
+    """From now on the autopilot hears only who signs."""
+    link = common.MAVLink(None, srcSystem=who[0], srcComponent=who[1])
+    return common.MAVLink_setup_signing_message(1, 1, bytes(32), 1).pack(link)
+
+
 def crafted(who, flags=2, message=0xFDFDFD):
     """A header that says 255 octets of a message nobody knows, with a flag nobody knows."""
     return bytes([0xFD, 255, flags, 0, 0, *who, *message.to_bytes(3, "little")]) + b"\xfd" * 257
@@ -177,6 +183,7 @@ RULES = {
     "as its transmitter": (heartbeat(TRANSMITTER), False, True),
     "the transmitter's word": (arm_status(STATION), False, False),
     "the same as its transmitter": (arm_status(TRANSMITTER), False, True),
+    "a key to sign with": (setup_signing(STATION), False, False),
     "as another autopilot": (heartbeat(FOREIGN), False, False),
     "a message that nobody knows": (crafted(STATION, flags=0), True, False),
     "a flag that nobody knows": (crafted(STATION), True, False),
@@ -195,7 +202,7 @@ def either(request):
 
 
 def test_what_each_side_may_say(program, tmp_path):
-    line = Line(program, tmp_path, keys=("BlockSrcSysIn = 1\nBlockSrcCompIn = 1,236,237,238\nBlockMsgIdIn = 12918\n",
+    line = Line(program, tmp_path, keys=("BlockSrcSysIn = 1\nBlockSrcCompIn = 1,236,237,238\nBlockMsgIdIn = 12918,256\n",
                                          "AllowSrcCompIn = 236\n"))
     try:
         addresses = line.addresses()

@@ -1,0 +1,358 @@
+/* odid-update as a whole, between two of its steps: the real program; its places in a folder of
+ * their own; U-Boot's variables, slots, SWUpdate, the daemon and init as models. (The booted
+ * appliance has the real ones: tests/update.) */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <json-c/json_object.h>
+#include <json-c/json_tokener.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+/* appliance_marks.h and update_places.h, here. */
+#define ODID_APPLIANCE_MARKS_H
+#define APPLIANCE_UPDATING "state/updating"
+#define ODID_UPDATE_PLACES_H
+#define STATE "state"
+#define DATA "data"
+#define RUN_DIR "run"
+#define VERSION_FILE "version"
+#define SERVICES "services"
+#define INSTALLER "pid"
+#define FAULTS "faults"
+#define SLOTS "slot-"
+#define ENVIRONMENT_CONFIG "fw_env.config"
+#define ENVIRONMENT_DEFAULTS "defaults"
+#define DESCRIPTION "sw-description"
+#define HAWKBIT "swupdate.hawkbit"
+#define HAWKBIT_PAUSE STATE "/hawkbit-pause"
+#define HAWKBIT_PAUSE_US 600000000
+#define HAWKBIT_REPORT_US 15000000
+#define HAWKBIT_PAUSE_MAX_US (16 * INT64_C(600000000))
+#define MAINTENANCE STATE "/maintenance-asked"
+#define MAINTENANCE_AGAIN DATA "/odid/maintenance-asked"
+#define CONFIGURATION DATA "/odid/odid.conf"
+
+int odid_update_main(int argc, char *argv[]);
+static int model_kill(pid_t process, int signal);
+static void model_sync(void);
+
+#define kill model_kill
+#define odidctl_fetch model_fetch
+#define update_gate_serve model_gate_serve
+#define update_gate_ask model_gate_ask
+#define sync model_sync
+#define main odid_update_main
+#include "odid_update_main.c"
+#undef main
+#undef kill
+#undef sync
+
+/* ---- the models ---- */
+
+static struct {
+    struct update_variables variables;
+    bool writable, spoilt; /* the other slot */
+    bool armed, arms_while_flushing;
+    unsigned restarts, ended; /* init was told to restart; SWUpdate was ended */
+} board;
+
+static int model_kill(pid_t process, int signal)
+{
+    assert_int_equal(process, 1);
+    assert_int_equal(signal, SIGTERM);
+    board.restarts++;
+    return 0;
+}
+
+static void model_sync(void)
+{
+    board.armed = board.armed || board.arms_while_flushing;
+}
+
+bool update_environment_find(const char *link, const char *found, const char *config, char *problem,
+                             size_t size)
+{
+    (void)link, (void)found, (void)config, (void)problem, (void)size;
+    return true;
+}
+
+int update_variables_read(const char *config, const char *defaults, char running,
+                          struct update_variables *variables, bool *repaired)
+{
+    (void)config, (void)defaults, (void)running;
+    *variables = board.variables;
+    *repaired = false;
+    return 0;
+}
+
+int update_variables_write(const char *config, const struct update_variables *variables,
+                           enum update_report report)
+{
+    (void)config, (void)report;
+    board.variables = *variables;
+    return 0;
+}
+
+bool update_slot_protect(char slot, bool protect)
+{
+    (void)slot;
+    board.writable = !protect;
+    return true;
+}
+
+bool update_slot_is_writable(char slot)
+{
+    (void)slot;
+    return board.writable;
+}
+
+void update_slot_spoil(char slot)
+{
+    (void)slot;
+    board.spoilt = true;
+}
+
+void update_installer_watch(const struct update_installer_calls *calls, bool first)
+{
+    (void)calls, (void)first;
+}
+
+int update_installer_end(const char *pid_file)
+{
+    (void)pid_file;
+    board.ended++;
+    return 0;
+}
+
+void update_installer_explain(const char *complaint, const char *hardware, char *out, size_t size)
+{
+    (void)hardware;
+    snprintf(out, size, "%s", complaint);
+}
+
+int model_gate_serve(const char *directory, const struct update_gate_calls *calls)
+{
+    (void)directory, (void)calls;
+    return 0;
+}
+
+int model_gate_ask(const char *directory, const char *question, char answer[UPDATE_SENTENCE_SIZE])
+{
+    (void)directory, (void)question, (void)answer;
+    return -1;
+}
+
+void update_question_answer(const struct update_question *question,
+                            char answer[UPDATE_SENTENCE_SIZE])
+{
+    (void)question;
+    board.writable = true;
+    answer[0] = '\0'; /* nothing speaks against it */
+}
+
+struct json_object *model_fetch(const char *run_dir, int *error)
+{
+    (void)run_dir, (void)error;
+    return json_tokener_parse(board.armed ? "{\"aircraft\":{\"armed\":true}}"
+                                          : "{\"aircraft\":{\"armed\":false}}");
+}
+
+int kept_read(const char *directory, struct kept *kept)
+{
+    (void)directory;
+    memset(kept, 0, sizeof(*kept));
+    kept->armed = board.armed ? KEPT_ARMED : KEPT_DISARMED;
+    return 0;
+}
+
+/* ---- how it begins ---- */
+
+static char folder[] = "/tmp/test_odid_update.XXXXXX";
+static int64_t now_us;
+static char answer[UPDATE_SENTENCE_SIZE];
+
+static void put(const char *path, const char *text)
+{
+    assert_int_equal(whole_file_replace(path, text, strlen(text), 0644), 0);
+}
+
+/* A process of it: the first one since power-on, or one that runsv started again. */
+static void begin(bool first)
+{
+    memset(&self, 0, sizeof(self));
+    self.hawkbit_pause_us = HAWKBIT_PAUSE_US;
+    assert_true(start(first, now_us));
+}
+
+static void pass(unsigned seconds)
+{
+    for (; seconds > 0; seconds--) {
+        on_tick(NULL, now_us += SECOND_US);
+    }
+}
+
+static void slot_a_runs_1_0_0(void)
+{
+    board.variables = (struct update_variables){.slot = 'a'};
+    put(STATE "/slot", "a\n");
+    put(VERSION_FILE, "1.0.0\n");
+    begin(true);
+}
+
+/* A bundle of 1.1.0 is given, passes the gate, and is written. */
+static void written(void)
+{
+    on_begins(now_us);
+    on_version("1.1.0");
+    judge_offer(false, answer);
+    assert_string_equal(answer, "");
+    on_progress(50, now_us);
+    assert_int_equal(self.update.state, UPDATE_INSTALLING);
+}
+
+static void mark(void)
+{
+    board.variables =
+        (struct update_variables){.slot = 'a', .trial = 'b', .upgrade_available = true};
+}
+
+static int setup(void **state)
+{
+    (void)state;
+    memset(&board, 0, sizeof(board));
+    now_us = 100 * SECOND_US;
+    assert_int_equal(system("rm -rf data state faults && mkdir -p data/odid state faults"), 0);
+    return 0;
+}
+
+static int in_a_folder(void **state)
+{
+    (void)state;
+    return mkdtemp(folder) == NULL || chdir(folder) < 0 || loop_init() < 0 ? -1 : 0;
+}
+
+static int out_of_it(void **state)
+{
+    char command[sizeof(folder) + 16];
+
+    (void)state;
+    snprintf(command, sizeof(command), "rm -rf %s", folder);
+    return chdir("/") < 0 || system(command) != 0 ? -1 : 0;
+}
+
+/* ---- tests ---- */
+
+static void what_is_written_is_started_when_disarmed(void **state)
+{
+    (void)state;
+    slot_a_runs_1_0_0();
+    written();
+    mark();
+    on_ends("", now_us);
+    board.armed = true;
+    pass(60);
+    assert_int_equal(board.restarts, 0);
+    board.armed = false;
+    pass(10);
+    assert_true(board.restarts > 0);
+}
+
+/* A failed trial, armed before the restart; odid-update ends, and is started again. */
+static void a_failed_trial_stays_failed_over_its_own_restart(void **state)
+{
+    (void)state;
+    board.variables =
+        (struct update_variables){.slot = 'a', .trial = 'b', .upgrade_available = true};
+    put(STATE "/slot", "b\n");
+    put(VERSION_FILE, "1.1.0\n");
+    put(DATA "/" UPDATE_RECORD_FILE, "{\"slot\":\"b\",\"from\":\"1.0.0\",\"to\":\"1.1.0\","
+                                     "\"channels\":1,\"services\":[]}");
+    begin(true);
+    for (unsigned i = 0; i < 62; i++) {
+        pass(1);
+        board.armed = i >= 59;
+    }
+    assert_int_equal(board.variables.slot, 'a');
+    assert_int_equal(board.variables.trial_failed, 'b');
+    begin(false);
+    assert_int_equal(self.update.state, UPDATE_WAITING);
+    assert_int_equal(access(APPLIANCE_UPDATING, F_OK), 0); /* do not arm */
+    assert_int_equal(board.variables.slot, 'a');
+    assert_int_equal(board.variables.trial_failed, 'b');
+    pass(10);
+    assert_int_equal(board.restarts, 0);
+    board.armed = false;
+    pass(60);
+    assert_true(board.restarts > 0);
+    assert_int_equal(board.variables.slot, 'a');
+    assert_false(board.spoilt);
+}
+
+/* In its last second, and SWUpdate marks the slot before it is ended. */
+static void what_was_called_off_is_not_started(void **state)
+{
+    (void)state;
+    slot_a_runs_1_0_0();
+    written();
+    cancel(answer);
+    assert_string_equal(answer, "");
+    assert_int_equal(board.ended, 1); /* at once */
+    mark();
+    on_ends("SWUpdate ended", now_us);
+    assert_int_equal(board.variables.slot, 'a');
+    assert_false(board.variables.upgrade_available);
+    assert_true(board.spoilt);
+    pass(60);
+    assert_int_equal(board.restarts, 0);
+    assert_int_equal(self.update.state, UPDATE_IDLE);
+}
+
+static void what_was_called_off_before_the_gate_is_not_written(void **state)
+{
+    (void)state;
+    slot_a_runs_1_0_0();
+    on_begins(now_us);
+    cancel(answer);
+    assert_string_equal(answer, "");
+    judge_offer(false, answer);
+    assert_non_null(strstr(answer, "called off"));
+    assert_false(board.writable);
+}
+
+static void who_arms_while_it_flushes_is_not_restarted(void **state)
+{
+    (void)state;
+    slot_a_runs_1_0_0();
+    written();
+    mark();
+    on_ends("", now_us);
+    board.arms_while_flushing = true;
+    pass(30);
+    assert_true(board.armed);
+    assert_int_equal(board.restarts, 0);
+    board.armed = board.arms_while_flushing = false;
+    pass(30);
+    assert_true(board.restarts > 0);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup(what_is_written_is_started_when_disarmed, setup),
+        cmocka_unit_test_setup(a_failed_trial_stays_failed_over_its_own_restart, setup),
+        cmocka_unit_test_setup(what_was_called_off_is_not_started, setup),
+        cmocka_unit_test_setup(what_was_called_off_before_the_gate_is_not_written, setup),
+        cmocka_unit_test_setup(who_arms_while_it_flushes_is_not_restarted, setup),
+    };
+
+    return cmocka_run_group_tests_name("odid-update", tests, in_a_folder, out_of_it);
+}
