@@ -57,6 +57,23 @@ def test_nobody_keeps_the_aircraft_on_the_ground_by_pretending_an_update(grounde
     assert grounded.run("[ -e /run/odid-appliance/updating ]").code != 0
 
 
+GROUP = "/sys/fs/cgroup/mavlink-router"
+
+
+def test_what_the_router_leaves_behind_is_ended(grounded):
+    """It had the user of what root's script started next, and wrote into that one's output: a line of sed's, as root."""
+    grounded.wait_inside("mavlink-router", f"grep -q . {GROUP}/cgroup.procs")
+    left = grounded.must(f"(echo 0 >{GROUP}/cgroup.procs; exec setsid chpst -u mavlink:dialout sleep 1000) >/dev/null 2>&1 & echo $!").strip()
+    grounded.wait_inside("it in its group", f"grep -qx {left} {GROUP}/cgroup.procs")
+    before = grounded.must("pidof mavlink-routerd")
+    grounded.must("sv term mavlink-router")
+    grounded.wait_inside("the next one", f"new=$(pidof mavlink-routerd) && [ \"$new\" != \"{before.strip()}\" ]")
+    assert not grounded.must(f"[ ! -e /proc/{left} ] || cat /proc/{left}/cmdline").strip()
+    assert grounded.must(f"cat {GROUP}/pids.max {GROUP}/memory.max").split() == ["16", str(32 << 20)]
+    limits = grounded.must("grep -E 'open files' /proc/$(pidof mavlink-routerd)/limits").split()
+    assert limits[3:5] == ["64", "64"]
+
+
 # What belongs to somebody else than root, or may be written by others. Of the daemon's folder root reads `kept`, and asks by
 # `status.sock`; it follows no name there (test_kept.c, test_root_follows_no_name_in_the_daemon_s_folder).
 THEIRS = (r"/run/odid(/.*)?", r"/tmp", r"/var/tmp")

@@ -6,8 +6,8 @@
  * MAVLink frame a datagram. It ends, with 1, when the serial port hangs up or vanishes. Sections
  * and keys it knows: [General] (TcpServerPort has to be 0 or absent, the rest is passed over),
  * [UartEndpoint x] Device, Baud, BlockSrcCompIn; [UdpEndpoint x] Mode, Address, Port,
- * AllowSrcCompIn, BlockSrcCompIn, BlockSrcSysIn, BlockMsgIdIn (eight at most); other keys of endpoints are
- * passed over, other sections are refused.
+ * AllowSrcCompIn, BlockSrcCompIn, BlockSrcSysIn, BlockMsgIdIn (eight at most); other keys of
+ * endpoints are passed over, other sections are refused.
  *
  * As mavlink-router's version 4 does (src/endpoint.cpp: read_msg, allowed_by_incoming_filters,
  * accept_msg): a frame ends where its length says, also one with flags that nobody knows; it is
