@@ -45,21 +45,24 @@ static int speed_code(float accuracy_mps)
     return createEnumSpeedAccuracy(accuracy_mps);
 }
 
-/* Is what the native LOCATION has another one than telemetry's, which is here and has it, too? */
+/* Is what the native LOCATION has another one than telemetry's, where both are here and have it? */
 static bool native_differs(const struct aircraft *aircraft, double native_m, double telemetry_m,
                            int64_t now_us)
 {
-    const struct aircraft_fix *fix = &aircraft->telemetry;
-    double apart_s = fabs((double)(fix->fix_us - aircraft->native.fix_us)) * 1e-6;
-    double limit_m = ALTITUDES_DIFFER_M + (CLIMBS_MPS + fabs(fix->vertical_speed_mps)) * apart_s;
+    const struct aircraft_fix *native = &aircraft->native, *telemetry = &aircraft->telemetry;
+    double apart_s, climbs_mps;
 
-    return aircraft_fresh(fix->fix_us, now_us) && fabs(native_m - telemetry_m) > limit_m;
+    if (!aircraft_fresh(native->fix_us, now_us) || !aircraft_fresh(telemetry->fix_us, now_us)) {
+        return false;
+    }
+    apart_s = fabs((double)(telemetry->fix_us - native->fix_us)) * 1e-6;
+    climbs_mps = CLIMBS_MPS + fabs(telemetry->vertical_speed_mps);
+    return fabs(native_m - telemetry_m) > ALTITUDES_DIFFER_M + climbs_mps * apart_s;
 }
 
 bool aircraft_altitudes_differ(const struct aircraft *aircraft, int64_t now_us)
 {
-    return aircraft_fresh(aircraft->native.fix_us, now_us) &&
-           native_differs(aircraft, aircraft_geodetic_m(aircraft, &aircraft->native),
+    return native_differs(aircraft, aircraft_geodetic_m(aircraft, &aircraft->native),
                           aircraft_geodetic_m(aircraft, &aircraft->telemetry), now_us);
 }
 
