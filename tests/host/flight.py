@@ -174,7 +174,8 @@ def write_flight(path, seconds, rate_hz=5, seed=1, native_hz=0, fix_until_s=math
     """Writes the flight's first seconds, GLOBAL_POSITION_INT at rate_hz. Returns how many frames.
 
     From fix_until_s on there is no GNSS fix, and the estimator goes on. changed(craft, message) gives the
-    messages that are sent instead of one; those with ground_station are sent by that.
+    messages that are sent instead of one; those with ground_station are sent by that, from one with system_id on that is the
+    autopilot's number.
     """
     if not seconds > 0 or not rate_hz > 0:
         raise ValueError(f"seconds and rate_hz must be above 0, not {seconds} and {rate_hz}")
@@ -192,6 +193,7 @@ def write_flight(path, seconds, rate_hz=5, seed=1, native_hz=0, fix_until_s=math
             built = build(link, craft)
             for message in built if changed is None else [other for one in built for other in changed(craft, one)]:
                 sender = ground if hasattr(message, "ground_station") else link
+                link.srcSystem = getattr(message, "system_id", link.srcSystem)
                 log.write(struct.pack(">Q", craft.unix_us) + message.pack(sender))
                 sender.seq = (sender.seq + 1) % 256
                 frames += 1

@@ -179,6 +179,19 @@ def climbs_upward_on_the_air(heard):
 # --- take-off and operator --------------------------------------------------
 
 
+def is_given_another_number(craft, message):
+    """SYSID_THISMAV, by a ground station, in flight: ArduPlane takes it at once."""
+    if craft.time_s >= 10:
+        message.system_id = 7
+    return [message]
+
+
+def is_the_same_aircraft(heard):
+    """3 s until the old number is given up, and a HEARTBEAT's second."""
+    assert all(one.status == AIRBORNE for one in places(heard, 10 + 3 + 1 + 2 * LATE_S))
+    assert all(abs(one.message.timestamp_s - START_UNIX_S % 3600 - one.flight_s) < 0.6 for one in of(heard, Location, 15))
+
+
 def arms_before_its_fix(craft, message):
     if kind(message) == "HOME_POSITION":
         return []
@@ -226,6 +239,7 @@ CASES = {
     "failsafe": Case(is_in_a_failsafe, is_airborne),
     "slow clock": Case(has_a_slow_clock, is_right_again_in_ten_seconds),
     "climbs downward": Case(climbs_downward, climbs_upward_on_the_air),
+    "is given another number": Case(is_given_another_number, is_the_same_aircraft),
     "arms before its fix": Case(arms_before_its_fix, has_height_and_operator),
     "operator every second": Case(operator_from_a_ground_station(1), is_live_and_on_time),
     "operator every 4 s": Case(operator_from_a_ground_station(4), is_live_and_on_time),

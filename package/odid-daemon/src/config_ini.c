@@ -86,17 +86,19 @@ static size_t copy(char *out, size_t size, struct span span)
 
 /* ---- [section] ---- */
 
+/* Its first word: behind it may stand anything, a password among it. */
 static void say_unknown_section(struct reader *reader, const char *name)
 {
     const char *meant = config_name_nearest(name, NULL);
+    int word = (int)strcspn(name, " \t=:");
 
     if (meant != NULL) {
         config_say(reader->source, CONFIG_ERROR,
-                   "[%s]: unknown section, ignored with all its keys; did you mean [%s]?", name,
-                   meant);
+                   "[%.*s]: unknown section, ignored with all its keys; did you mean [%s]?", word,
+                   name, meant);
     } else {
-        config_say(reader->source, CONFIG_ERROR, "[%s]: unknown section, ignored with all its keys",
-                   name);
+        config_say(reader->source, CONFIG_ERROR,
+                   "[%.*s]: unknown section, ignored with all its keys", word, name);
     }
 }
 

@@ -182,16 +182,30 @@ static void quote(char *out, size_t size, const char *text)
     snprintf(out, size, "%.*s%s", (int)cut, text, text[cut] == '\0' ? "" : "...");
 }
 
+/* https://USER:PASSWORD@HOST, as it may be quoted. */
+static void hide_credentials(char *out, size_t size, const char *text)
+{
+    const char *begin = strstr(text, "://"), *end = begin == NULL ? NULL : strchr(begin, '@');
+
+    if (end == NULL) {
+        snprintf(out, size, "%s", text);
+    } else {
+        snprintf(out, size, "%.*s...%s", (int)(begin + 3 - text), text, end);
+    }
+}
+
 static void say_refused(const struct config_rule *rule, const void *field,
                         struct config_value *value)
 {
-    char written[52], used[60];
+    char plain[128], written[52], used[60];
 
-    quote(written, sizeof(written), value->text);
+    hide_credentials(plain, sizeof(plain), value->text);
+    quote(written, sizeof(written), plain);
     rule->show(rule, field, used, sizeof(used));
     if (rule == &config_rule_password) {
         config_say(value->source, CONFIG_ERROR, "%s: expected %s; not used", value->label,
                    rule->expected);
+        explicit_bzero(plain, sizeof(plain));
         explicit_bzero(written, sizeof(written));
     } else if (value->hint[0] != '\0') {
         config_say(value->source, CONFIG_ERROR, "%s = \"%s\": %s; using %s", value->label, written,

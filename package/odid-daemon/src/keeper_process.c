@@ -46,6 +46,9 @@ static void on_readable(void *context, uint32_t events, int64_t now_us)
     (void)events;
     if (length == 0 || (length < 0 && errno != EAGAIN)) {
         close_pipe(process); /* it ended, which SIGCHLD says, or went silent */
+    } else if (length == sizeof(bytes)) {
+        log_error("the daemon says without end that it is alive: it isn't listened to any more");
+        close_pipe(process); /* else that would take all of this program's time, which is bounded */
     } else if (length > 0) {
         process->on_alive(process->context, now_us);
     }

@@ -94,6 +94,11 @@ static void wrong_files(void **state)
          "mean [system]?\n"},
         {"[wireless]\nx = 1\n",
          "error: odid.conf line 1: [wireless]: unknown section, ignored with all its keys\n"},
+        {"[maintenance password = geheim123]\nx = 1\n",
+         "error: odid.conf line 1: [maintenance]: unknown section, ignored with all its keys\n"},
+        {"[update]\nhawkbit_url = ftp://user:geheim@example.org/\n",
+         "error: odid.conf line 2: [update] hawkbit_url = \"ftp://...@example.org/\": expected an "
+         "address such as https://updates.example.org:8443, or \"\"; using none\n"},
         {"[mavlink]\nbuad = 57600\n",
          "error: odid.conf line 2: [mavlink] buad: unknown key, ignored; did you mean baud?\n"},
         {"[basic_id]\nuas-id = ABCD1X\n", "error: odid.conf line 2: [basic_id] uas-id: unknown "

@@ -106,6 +106,13 @@ static int be_daemon(int argc, char *argv[])
         pause();
     } else if (strcmp(mode, "fails") == 0) {
         return 3;
+    } else if (strcmp(mode, "floods") == 0 && started == 1) {
+        static char alive[65536];
+
+        note_spoken();
+        while (write(atoi(getenv(ALIVE_VARIABLE)), alive, sizeof(alive)) > 0) {
+        }
+        pause(); /* nobody listens any more */
     } else if (strcmp(mode, "obeys") == 0) {
         signal(SIGTERM, on_terminate);
     } else if (strcmp(mode, "stubborn") == 0) {
@@ -407,6 +414,15 @@ static void one_that_ends_by_itself_is_started_once_a_second(void **state)
     assert_true(fault_says("ended with exit code 3"));
 }
 
+/* It would take all of the keeper's time, which is bounded, and be left without one. */
+static void one_that_says_so_without_end_is_not_listened_to(void **state)
+{
+    (void)state;
+    run_keeper("floods", "0.5", "5");
+    assert_true(loop_until(twice, 10000));
+    assert_false(keeper_ended());
+}
+
 /* Its bytes wait in the pipe while the keeper doesn't run. */
 static void a_late_keeper_does_not_mistake_its_own_silence(void **state)
 {
@@ -663,6 +679,7 @@ int main(int argc, char *argv[])
         TEST(a_stopped_daemon_is_killed_and_back),
         TEST(one_that_never_speaks_is_killed),
         TEST(one_that_ends_by_itself_is_started_once_a_second),
+        TEST(one_that_says_so_without_end_is_not_listened_to),
         TEST(a_late_keeper_does_not_mistake_its_own_silence),
         TEST(two_deaths_by_the_filter_start_it_in_log_mode),
         TEST(the_payload_of_one_that_does_not_come_back_is_taken_off),
