@@ -39,6 +39,7 @@ static struct {
     struct update_expectation expectation;
     struct update_variables variables;
     struct stat configuration; /* in a trial: the file, when it was looked at last */
+    bool configured_anew;      /* it has changed since */
     char running, other;       /* slots */
     char version[UPDATE_VERSION_SIZE];
     bool time_known;
@@ -190,7 +191,11 @@ static void look(struct update_board *board, int64_t now_us)
             self.expectation.channels = update_channels_required(status);
         }
         if (configuration_changed()) {
+            self.configured_anew = true;
             update_try(&self.update, self.version, now_us);
+        }
+        if (self.configured_anew) { /* whoever did that may have switched one off */
+            self.expectation.channels &= ~update_channels_disabled(status);
         }
         update_judge(&self.expectation, status, &services, board);
     } else if (self.update.state == UPDATE_INSTALLING && take_channels(status)) {

@@ -41,6 +41,21 @@ unsigned update_channels_on_air(struct json_object *status)
     return channels;
 }
 
+unsigned update_channels_disabled(struct json_object *status)
+{
+    unsigned channels = 0;
+
+    for (enum channel channel = 0; channel < CHANNELS; channel++) {
+        const char *state =
+            json_object_get_string(json_object_object_get(channel_of(status, channel), "state"));
+
+        channels |= state != NULL && strcmp(state, radio_state_name(RADIO_DISABLED)) == 0
+                        ? 1U << channel
+                        : 0;
+    }
+    return channels;
+}
+
 unsigned update_channels_required(struct json_object *status)
 {
     unsigned channels = 0;

@@ -19,6 +19,9 @@
 /* Bits, 1 << channel: the channels that transmit by the daemon's status; NULL: none. */
 unsigned update_channels_on_air(struct json_object *status);
 
+/* Those that the configuration has switched off. */
+unsigned update_channels_disabled(struct json_object *status);
+
 /* Those that ought to, when nobody knows what worked before. */
 unsigned update_channels_required(struct json_object *status);
 

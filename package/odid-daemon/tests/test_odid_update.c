@@ -62,6 +62,7 @@ static struct {
     struct update_variables variables;
     bool writable, spoilt; /* the other slot */
     bool armed, arms_while_flushing;
+    const char *bt5;          /* its state; Bluetooth 4 is on the air */
     unsigned restarts, ended; /* init was told to restart; SWUpdate was ended */
 } board;
 
@@ -161,9 +162,15 @@ void update_question_answer(const struct update_question *question,
 
 struct json_object *model_fetch(const char *run_dir, int *error)
 {
+    char text[512];
+
     (void)run_dir, (void)error;
-    return json_tokener_parse(board.armed ? "{\"aircraft\":{\"armed\":true}}"
-                                          : "{\"aircraft\":{\"armed\":false}}");
+    snprintf(text, sizeof(text),
+             "{\"aircraft\":{\"armed\":%s},\"uptime_s\":100,\"channels\":{"
+             "\"bt4\":{\"state\":\"on air\",\"confirmed_s\":0.1,\"required\":true},"
+             "\"bt5\":{\"state\":\"%s\",\"confirmed_s\":0.1,\"required\":true}}}",
+             board.armed ? "true" : "false", board.bt5);
+    return json_tokener_parse(text);
 }
 
 int kept_read(const char *directory, struct kept *kept)
@@ -229,6 +236,7 @@ static int setup(void **state)
 {
     (void)state;
     memset(&board, 0, sizeof(board));
+    board.bt5 = "absent";
     now_us = 100 * SECOND_US;
     assert_int_equal(system("rm -rf data state faults && mkdir -p data/odid state faults"), 0);
     return 0;
@@ -266,6 +274,31 @@ static void what_is_written_is_started_when_disarmed(void **state)
     assert_true(board.restarts > 0);
 }
 
+/* By a setting that is saved during the trial, or by the new version itself. */
+static void a_channel_that_is_switched_off_in_the_trial(void **state)
+{
+    for (unsigned saved = 0; saved < 2; saved++) {
+        setup(state);
+        board.variables =
+            (struct update_variables){.slot = 'a', .trial = 'b', .upgrade_available = true};
+        put(STATE "/slot", "b\n");
+        put(VERSION_FILE, "1.1.0\n");
+        put(CONFIGURATION, "");
+        put(DATA "/" UPDATE_RECORD_FILE,
+            "{\"slot\":\"b\",\"from\":\"1.0.0\",\"to\":\"1.1.0\",\"channels\":3,\"services\":[]}");
+        board.bt5 = "on air";
+        begin(true);
+        pass(5);
+        if (saved) {
+            put(CONFIGURATION, "[broadcast]\nbt5_enabled = false\n");
+        }
+        board.bt5 = "disabled";
+        pass(70);
+        assert_int_equal(board.variables.trial_failed, saved ? '\0' : 'b');
+        assert_int_equal(board.variables.slot, saved ? 'b' : 'a');
+    }
+}
+
 /* A failed trial, armed before the restart; odid-update ends, and is started again. */
 static void a_failed_trial_stays_failed_over_its_own_restart(void **state)
 {
@@ -275,7 +308,7 @@ static void a_failed_trial_stays_failed_over_its_own_restart(void **state)
     put(STATE "/slot", "b\n");
     put(VERSION_FILE, "1.1.0\n");
     put(DATA "/" UPDATE_RECORD_FILE, "{\"slot\":\"b\",\"from\":\"1.0.0\",\"to\":\"1.1.0\","
-                                     "\"channels\":1,\"services\":[]}");
+                                     "\"channels\":3,\"services\":[]}");
     begin(true);
     for (unsigned i = 0; i < 62; i++) {
         pass(1);
@@ -348,6 +381,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup(what_is_written_is_started_when_disarmed, setup),
+        cmocka_unit_test_setup(a_channel_that_is_switched_off_in_the_trial, setup),
         cmocka_unit_test_setup(a_failed_trial_stays_failed_over_its_own_restart, setup),
         cmocka_unit_test_setup(what_was_called_off_is_not_started, setup),
         cmocka_unit_test_setup(what_was_called_off_before_the_gate_is_not_written, setup),
