@@ -21,7 +21,6 @@
 #define ACCESS_POINT_NETWORK UINT32_C(0xC0A82900)
 #define SENTENCE_SIZE 512
 #define CONNECTIONS_MAX (WEB_PLACES_MAX - 8)
-#define CONNECTIONS_FROM_ONE_MAX 12
 #define IDLE_S 30 /* also of a browser that is gone in the middle of an upload */
 
 /* From the first line of a request to the last octet of its answer. */
@@ -513,9 +512,8 @@ int web_server_run(const struct web_server *server)
         MHD_ALLOW_SUSPEND_RESUME | MHD_USE_ERROR_LOG, 0, NULL, NULL, on_request, NULL,
         MHD_OPTION_EXTERNAL_LOGGER, on_log, NULL, MHD_OPTION_NOTIFY_CONNECTION, on_connection, NULL,
         MHD_OPTION_LISTEN_SOCKET, server->listener, MHD_OPTION_NOTIFY_COMPLETED, on_over, NULL,
-        MHD_OPTION_CONNECTION_LIMIT, (unsigned)CONNECTIONS_MAX, MHD_OPTION_PER_IP_CONNECTION_LIMIT,
-        (unsigned)CONNECTIONS_FROM_ONE_MAX, MHD_OPTION_CONNECTION_TIMEOUT, (unsigned)IDLE_S,
-        MHD_OPTION_END);
+        MHD_OPTION_CONNECTION_LIMIT, (unsigned)CONNECTIONS_MAX, MHD_OPTION_CONNECTION_TIMEOUT,
+        (unsigned)IDLE_S, MHD_OPTION_END);
     if (self.http == NULL) {
         return -EIO;
     }
