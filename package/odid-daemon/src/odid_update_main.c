@@ -32,6 +32,9 @@
 #include "whole_file.h"
 
 #define SECOND_US 1000000
+#define HAWKBIT_PAUSE_US 600000000
+#define HAWKBIT_REPORT_US 15000000
+#define HAWKBIT_PAUSE_MAX_US (16 * INT64_C(600000000))
 
 static struct {
     struct update update;

@@ -21,52 +21,55 @@ static struct json_object *channel_of(struct json_object *status, enum channel c
                                   channel_name(channel));
 }
 
+static bool is_in_state(struct json_object *channel, enum radio_state state)
+{
+    const char *name = json_object_get_string(json_object_object_get(channel, "state"));
+
+    return name != NULL && strcmp(name, radio_state_name(state)) == 0;
+}
+
 /* By Command Complete or hostapd's answer, not by what the daemon wants. */
 static bool on_air(struct json_object *channel)
 {
-    const char *state = json_object_get_string(json_object_object_get(channel, "state"));
     struct json_object *confirmed = json_object_object_get(channel, "confirmed_s");
 
-    return state != NULL && strcmp(state, radio_state_name(RADIO_ON_AIR)) == 0 &&
-           confirmed != NULL && json_object_get_double(confirmed) <= CONFIRMED_MAX_S;
+    return is_in_state(channel, RADIO_ON_AIR) && confirmed != NULL &&
+           json_object_get_double(confirmed) <= CONFIRMED_MAX_S;
+}
+
+static bool is_disabled(struct json_object *channel)
+{
+    return is_in_state(channel, RADIO_DISABLED);
+}
+
+static bool is_required(struct json_object *channel)
+{
+    return json_object_get_boolean(json_object_object_get(channel, "required"));
+}
+
+static unsigned channels_that(bool (*hold)(struct json_object *channel), struct json_object *status)
+{
+    unsigned channels = 0;
+
+    for (enum channel channel = 0; channel < CHANNELS; channel++) {
+        channels |= hold(channel_of(status, channel)) ? 1U << channel : 0;
+    }
+    return channels;
 }
 
 unsigned update_channels_on_air(struct json_object *status)
 {
-    unsigned channels = 0;
-
-    for (enum channel channel = 0; channel < CHANNELS; channel++) {
-        channels |= on_air(channel_of(status, channel)) ? 1U << channel : 0;
-    }
-    return channels;
+    return channels_that(on_air, status);
 }
 
 unsigned update_channels_disabled(struct json_object *status)
 {
-    unsigned channels = 0;
-
-    for (enum channel channel = 0; channel < CHANNELS; channel++) {
-        const char *state =
-            json_object_get_string(json_object_object_get(channel_of(status, channel), "state"));
-
-        channels |= state != NULL && strcmp(state, radio_state_name(RADIO_DISABLED)) == 0
-                        ? 1U << channel
-                        : 0;
-    }
-    return channels;
+    return channels_that(is_disabled, status);
 }
 
 unsigned update_channels_required(struct json_object *status)
 {
-    unsigned channels = 0;
-
-    for (enum channel channel = 0; channel < CHANNELS; channel++) {
-        struct json_object *required =
-            json_object_object_get(channel_of(status, channel), "required");
-
-        channels |= json_object_get_boolean(required) ? 1U << channel : 0;
-    }
-    return channels;
+    return channels_that(is_required, status);
 }
 
 /* ---- services ---- */

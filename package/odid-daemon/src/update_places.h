@@ -18,9 +18,6 @@
 #define HAWKBIT "/run/swupdate.hawkbit"
 /* While it is there SWUpdate starts without hawkBit, whose server would begin the same again. */
 #define HAWKBIT_PAUSE STATE "/hawkbit-pause"
-#define HAWKBIT_PAUSE_US 600000000
-#define HAWKBIT_REPORT_US 15000000
-#define HAWKBIT_PAUSE_MAX_US (16 * INT64_C(600000000))
 /* Maintenance (/etc/sv/maintenance/run) is asked for: now; and over our restart. */
 #define MAINTENANCE STATE "/maintenance-asked"
 #define MAINTENANCE_AGAIN DATA "/odid/maintenance-asked"

@@ -34,9 +34,6 @@
 #define DESCRIPTION "sw-description"
 #define HAWKBIT "swupdate.hawkbit"
 #define HAWKBIT_PAUSE STATE "/hawkbit-pause"
-#define HAWKBIT_PAUSE_US 600000000
-#define HAWKBIT_REPORT_US 15000000
-#define HAWKBIT_PAUSE_MAX_US (16 * INT64_C(600000000))
 #define MAINTENANCE STATE "/maintenance-asked"
 #define MAINTENANCE_AGAIN DATA "/odid/maintenance-asked"
 #define CONFIGURATION DATA "/odid/odid.conf"
