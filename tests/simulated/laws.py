@@ -25,12 +25,14 @@ SINCE_S = 1.0  # since when a channel is off the air
 SLOWLY_S = 0.7
 WAY_DEG = 6e-4  # 66 m
 MADE_S = 0.3  # the status is made four times a second
+ROUNDED_S = 0.005  # its instants are
 TOLD_S = 1.3  # it is told each second
 FAILURE, FAILURE_S = 4, 3.9  # Location's status; the autopilot's last word may be a second old
 DOUBT_S = 5.0
 REPEATED_S = 0.25  # until the next payload a radio says the last one again
 GAP_S = 3.0  # a silence that long is in the record, ...
 RECORD_S = 2.5  # ... whose looks are a second apart
+WRITTEN_S = 10.0  # and which is written so often
 # What the daemon may cost.
 WAKE_UPS_HZ = 60.0
 MEMORY_KIB = 64
@@ -58,7 +60,7 @@ def judged_by_law(flight, until_s):
         "costs": costs(flight, until_s)}
     if flight.kept:
         gaps = recorded_gaps(flight)
-        laws |= {"gaps recorded": gaps_are_recorded(flight, heard, gaps),
+        laws |= {"gaps recorded": gaps_are_recorded(flight, heard, gaps, until_s),
                  "recorded gaps": recorded_gaps_were(flight, gaps),
                  "clock": clock_is_right(flight)}
     return {law: list(sentences) for law, sentences in laws.items()}
@@ -124,7 +126,7 @@ def failure_is_said(flight, judgement):
     for track in judgement.tracks:
         there = [one for one in flight.windows if one.channel == track.channel]
         may = [(one.begin_s, heard_until_s(one, there, late_s)) for one in there if one.fault.channels == ALL]
-        must = [(one.begin_s + FAILURE_S + doubt_s(flight, one) + late_s, one.back_s) for one in there if one.fault.no_position]
+        must = [(failure_due_s(flight, one, there) + late_s, one.back_s) for one in there if one.fault.no_position]
         for where, location in track.of_type("location"):
             at_s = seconds(where.reception.mono)
             if location.status == FAILURE:
@@ -132,6 +134,13 @@ def failure_is_said(flight, judgement):
                     yield f"{track.channel}: Remote ID system failure at {at_s:.3f} s, and nothing was wrong"
             elif any(begin_s < at_s < end_s for begin_s, end_s in must) and not is_taken_away(flight, track.channel, at_s):
                 yield f"{track.channel}: status {location.status} at {at_s:.3f} s, where there was no position for long"
+
+
+def failure_due_s(flight, lost, there):
+    """A daemon that is killed before it has said so leaves none that knows: the next one waits for a position as long."""
+    due_s = lost.begin_s + FAILURE_S + doubt_s(flight, lost)
+    return max([due_s, *(one.back_s + one.fault.limit_s + FAILURE_S for one in there if one.fault.restarts and
+                         one.begin_s < due_s and one.back_s + one.fault.limit_s > lost.begin_s)])
 
 
 def heard_until_s(one, there, late_s):
@@ -144,13 +153,16 @@ def heard_until_s(one, there, late_s):
 
 
 # A daemon that has just begun knows the geoid's separation with the autopilot's next GPS_RAW_INT, the time with its next
-# SYSTEM_TIME.
-KNOWN_SOON, SECOND_S = ("played.altitude", "played.system_time", "played.time"), 1.0
+# SYSTEM_TIME: where the autopilot is there. Until then a way is reckoned from when a place was heard, which a radio may have
+# had from before.
+KNOWN_SOON = {"played.altitude", "played.system_time", "played.time", "played.time_unknown", "plausibility.jump"}
+SECOND_S = 1.0
 
 
 def just_restarted(flight, at_s):
-    return any(one.fault.restarts and one.begin_s <= at_s <= one.back_s + one.fault.limit_s + SECOND_S
-               for one in flight.windows)
+    there = [one for one in flight.windows if one.fault.channels == ALL]
+    return any(one.fault.restarts and one.begin_s <= at_s <= heard_until_s(one, there, lateness_s(flight)) + SECOND_S
+               for one in there)
 
 
 def doubt_s(flight, lost):
@@ -240,7 +252,7 @@ def good_is_true(flight, heard):
 def something_was_wrong(flight, at_s, channel=None):
     """Then, or shortly before: with that channel, or at all."""
     return any(channel in (None, one.channel) and
-               one.begin_s <= at_s <= one.back_s + one.fault.limit_s + BAD_S + lateness_s(flight) for one in flight.windows)
+               one.begin_s - ROUNDED_S <= at_s <= one.back_s + one.fault.limit_s + BAD_S + lateness_s(flight) for one in flight.windows)
 
 
 def bad_is_true(flight):
@@ -331,8 +343,8 @@ def recorded_gaps(flight):
             for one in flight.record()["events"] if one["event"] == "gap"]
 
 
-def gaps_are_recorded(flight, heard, found):
-    """Where nobody heard anything newer for long, and it was taken away, the record has it."""
+def gaps_are_recorded(flight, heard, found, until_s):
+    """Where nobody heard anything newer for long, and it was taken away, the record has it: as soon as it has been written."""
     for channel, track in heard.items():
         for before, after in pairwise(track.times["newer position"]):
             # Without a position no channel is missed.
@@ -340,7 +352,8 @@ def gaps_are_recorded(flight, heard, found):
                                     one.fault.no_position and one.begin_s < after and one.back_s > before)])
             taken = any(one.channel == channel and one.fault.channels != ALL and one.begin_s < after and one.back_s > before
                         for one in flight.windows)
-            if taken and after - before > GAP_S + flight.world.late[1] / 1e6 and not any(
+            written = after < until_s - WRITTEN_S - RECORD_S
+            if taken and written and after - before > GAP_S + flight.world.late[1] / 1e6 and not any(
                     where == channel and begin < before + RECORD_S and end > after - RECORD_S for where, begin, end in found):
                 yield f"{channel}: silent from {before:.3f} to {after:.3f} s, and the flight record doesn't say so"
 

@@ -115,6 +115,19 @@ def test_a_silent_autopilot_is_a_failure_that_is_said(make_flight):
         assert AT_S + 3.0 <= min(failed) < AT_S + 3.5, track.channel
 
 
+def test_a_daemon_that_begins_without_a_position_says_so_at_once(make_flight):
+    """Where the one before it did: else each one that is killed takes the word back for three seconds."""
+    flight, by_name = make_flight(kept=True), {fault.name: fault for fault in FAULTS}
+    flight.harm(by_name["autopilot_unplugged"], AT_S, 20.0)
+    flight.harm(by_name["daemon_killed"], AT_S + 10)
+    flight.fly(AT_S + 30)
+    assert broken_laws(flight, AT_S + 30) == []
+    for track in flight.judged().tracks:
+        said = {location.status for heard, location in track.of_type("location")
+                if AT_S + 4 < heard.reception.mono - START_US / 1e6 < AT_S + 20}
+        assert said == {4}, track.channel
+
+
 def test_a_forged_word_for_no_fix_takes_no_position_off_the_air(make_flight):
     """Twenty-five times a second, beside the receiver's own word each second: within eight seconds it is known that two
     speak, and told, and from then on theirs has no effect."""

@@ -14,6 +14,12 @@ EVER_FAILED = {
         "bcm43455", "udp", (0.1, 40000), False, [("gnss_lost", 513.37, 16.13)])),
     "a native position was rated by a fix that was lost": (7, (
         "full", "serial", (0.3, 150000), False, [("gnss_lost", 233.95, 5.78)])),
+    "the first native position held newer ones of telemetry back": (1065, (
+        "full", "udp", (0.0, 0), True, [("keeper_killed", 96.95, 1.8)])),
+    "the receiver's accuracy of now stood beside a place of before": (1207, (
+        "full", "udp", (0.3, 150000), False, [
+            ("controller_slow", 44.18, 2.25), ("hostapd_refuses", 73.08, 20.09), ("foreign_disable", 86.54, 23.47),
+            ("hostapd_refuses", 247.01, 6.99), ("controller_loses_an_event", 253.12, 0.56), ("gnss_lost", 333.53, 17.65)])),
 }
 
 

@@ -50,8 +50,12 @@ void aircraft_restore_armed(struct aircraft *aircraft, bool armed)
     aircraft->armed = armed;
 }
 
-void aircraft_restore_fix(struct aircraft *aircraft, int64_t now_us)
+void aircraft_restore_fix(struct aircraft *aircraft, bool fix_known, int64_t now_us)
 {
+    if (!fix_known) {
+        aircraft->start_us = now_us - AIRCRAFT_FRESH_US;
+        return;
+    }
     aircraft->receiver[0] = (struct aircraft_receiver){.said_us = now_us,
                                                        .fix_type = GPS_FIX_TYPE_2D_FIX,
                                                        .latitude_deg = NAN,

@@ -91,8 +91,9 @@ static void fill_from_telemetry(const struct aircraft *aircraft, int64_t now_us,
         out->height_m = aircraft_height_m(aircraft);
         out->height_above_ground = false;
     }
-    /* Accuracies go with the fix: a filter that coasts has others. */
-    if (receiver == NULL) {
+    /* Accuracies go with the fix: a filter that coasts has others, and a place of before has not
+     * the receiver's of now. */
+    if (receiver == NULL || !aircraft_fresh(aircraft->telemetry.fix_us, now_us)) {
         return;
     }
     if (out->horizontal_accuracy == 0) {
@@ -118,7 +119,7 @@ static void fill_from_native(const struct aircraft *aircraft, int64_t now_us,
         out->height_above_ground =
             native->counted.location.height_reference == MAV_ODID_HEIGHT_REF_OVER_GROUND;
     }
-    if (!aircraft_fix_known(aircraft, now_us)) {
+    if (!aircraft_fix_known(aircraft, now_us) || !aircraft_fresh(aircraft->native.fix_us, now_us)) {
         return;
     }
     if (out->horizontal_accuracy == 0) {

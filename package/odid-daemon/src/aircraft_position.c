@@ -81,7 +81,8 @@ static bool counts(const struct aircraft *aircraft, double latitude_deg, double 
 /*
  * The newest fix: but two that come at their own pace would take turns, and
  * with them every field that only one of them knows. So the native LOCATION
- * speaks as long as it keeps up with telemetry.
+ * speaks as long as it keeps up with telemetry: which one alone doesn't show, for
+ * it was the newest when it came.
  */
 static void compare(struct aircraft *aircraft, int64_t now_us)
 {
@@ -94,8 +95,9 @@ static void compare(struct aircraft *aircraft, int64_t now_us)
     if (behind_us > (aircraft->native_keeps_up ? BEHIND_US : AS_NEW_US)) {
         aircraft->native_behind_us = now_us;
     }
-    aircraft->native_keeps_up = aircraft->native_behind_us == INT64_MIN ||
-                                now_us - aircraft->native_behind_us >= BEHIND_KEPT_US;
+    aircraft->native_keeps_up = aircraft->native_rate.counted > 0 &&
+                                (aircraft->native_behind_us == INT64_MIN ||
+                                 now_us - aircraft->native_behind_us >= BEHIND_KEPT_US);
 }
 
 /* A native one that comes in mid-flight takes nothing at once from telemetry that was there; nor

@@ -194,13 +194,14 @@ int loop_run(void)
         if (count < 0 && errno != EINTR) {
             return -errno;
         }
-        /* Deadlines first: a slot that is due doesn't wait for whatever came in. */
         if (read(self.timer, &expirations, sizeof(expirations)) > 0) {
             self.armed_us = LOOP_NEVER;
         }
-        self.ready_count = count > 0 ? count : 0; /* a timer's call may unwatch as well */
-        run_timers();
+        self.ready_count = count > 0 ? count : 0;
+        /* After a late wake-up there is both: what has come goes into what is due, and an answer
+         * ends its own deadline. Each descriptor's call reads a bounded share. */
         hand_out();
+        run_timers();
     }
     return 0;
 }

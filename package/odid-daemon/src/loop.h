@@ -48,8 +48,8 @@ int loop_watch_signals(struct loop_watch *watch, int another, loop_watch_fn *cal
 
 /* Once per timer, before it is armed. */
 void loop_timer_init(struct loop_timer *timer, loop_timer_fn *call, void *context);
-/* (Re-)arms; a deadline that has passed fires in the next round. The timer is disarmed before its
- * call. */
+/* (Re-)arms; a deadline that has passed fires after the calls of this round, or in the next one.
+ * The timer is disarmed before its call. */
 void loop_arm(struct loop_timer *timer, int64_t deadline_us);
 
 /* Runs until loop_stop. Returns 0, or -errno when the kernel's part failed. */

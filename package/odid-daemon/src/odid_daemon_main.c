@@ -210,8 +210,8 @@ static void restore(int64_t now_us)
     telemetry_expect(self.telemetry, vehicle, self.kept.armed == KEPT_ARMED, now_us);
     aircraft_restore_armed(self.aircraft, self.kept.armed == KEPT_ARMED);
     aircraft_restore_takeoff(self.aircraft, &self.kept.takeoff);
-    if (self.kept.fix_known) {
-        aircraft_restore_fix(self.aircraft, now_us);
+    if (self.kept.vehicle != 0) {
+        aircraft_restore_fix(self.aircraft, self.kept.fix_known, now_us);
     }
 }
 

@@ -85,6 +85,8 @@ static void a_position_that_stopped_keeps_its_own_timestamp(void **state)
     assert_unknown(view.location.direction_deg);
     assert_unknown(view.location.vertical_speed_mps);
     assert_int_equal(view.location.speed_accuracy, 0);
+    assert_int_equal(view.location.horizontal_accuracy, 0); /* the receiver's is of now */
+    assert_int_equal(view.location.vertical_accuracy, 0);
     fly(600);
     assert_near(view.location.latitude_deg, 57.7089);
     assert_about(view.location.timestamp_s, timestamp_s, 0.1);
@@ -92,6 +94,21 @@ static void a_position_that_stopped_keeps_its_own_timestamp(void **state)
 }
 
 /* Its timestamp says when within the hour: nothing would tell it from a fresh one. */
+static void a_native_place_of_before_has_no_accuracy_of_now(void **state)
+{
+    (void)state;
+    sim.position = false;
+    sim.native = true;
+    fly(5);
+    assert_int_not_equal(view.location.horizontal_accuracy, 0);
+    sim.native = false;
+    fly(3.2);
+    assert_int_equal(view.location.status, AIRCRAFT_REMOTE_ID_FAILURE);
+    assert_near(view.location.latitude_deg, 58.7089);
+    assert_int_equal(view.location.horizontal_accuracy, 0);
+    assert_int_equal(view.location.vertical_accuracy, 0);
+}
+
 static void a_position_of_an_hour_ago_is_not_said_any_more(void **state)
 {
     (void)state;
@@ -168,6 +185,25 @@ static void a_native_position_that_keeps_up_wins_and_again_10_s_after_its_return
     assert_true(from_native());
 }
 
+/* It is the newest when it comes, and whether the next one is on time isn't known. */
+static void the_first_native_position_does_not_speak_beside_telemetry(void **state)
+{
+    struct telemetry_update update;
+
+    (void)state;
+    fly(5);
+    update = native_of(now_us);
+    give(&update);
+    fly(0.2);
+    assert_true(from_telemetry());
+    assert_true(now_us - view.location.fix_us <= 200 * MS);
+    fly(0.2);
+    update = native_of(now_us);
+    give(&update);
+    look();
+    assert_true(from_native());
+}
+
 /* One that is lost must not age what is sent. */
 static void a_native_position_that_stops_gives_way_to_a_newer_one(void **state)
 {
@@ -192,7 +228,10 @@ static void telemetry_fills_what_a_native_location_leaves_unknown(void **state)
     sim.north_mps = 10;
     sim.up_mps = 1.5;
     sim.relative_m = 44;
+    sim.native = true;
     fly(5);
+    sim.native = false;
+    fly(0.2);
     update = native_of(now_us);
     update.location.height_m = update.location.altitude_geodetic_m = NAN;
     update.location.direction_deg = update.location.vertical_speed_mps = NAN;
@@ -486,10 +525,13 @@ int main(void)
         cmocka_unit_test_setup(telemetry_alone_gives_a_position, begin_setup),
         cmocka_unit_test_setup(a_position_is_fresh_for_less_than_3_s, begin_setup),
         cmocka_unit_test_setup(a_position_that_stopped_keeps_its_own_timestamp, begin_setup),
+        cmocka_unit_test_setup(a_native_place_of_before_has_no_accuracy_of_now, begin_setup),
         cmocka_unit_test_setup(a_position_of_an_hour_ago_is_not_said_any_more, begin_setup),
         cmocka_unit_test_setup(packets_with_a_frozen_timestamp_are_not_fresh, begin_setup),
         cmocka_unit_test_setup(a_timestamp_that_never_moves_gives_one_position, begin_setup),
         cmocka_unit_test_setup(a_native_position_that_keeps_up_wins_and_again_10_s_after_its_return,
+                               begin_setup),
+        cmocka_unit_test_setup(the_first_native_position_does_not_speak_beside_telemetry,
                                begin_setup),
         cmocka_unit_test_setup(a_native_position_that_stops_gives_way_to_a_newer_one, begin_setup),
         cmocka_unit_test_setup(telemetry_fills_what_a_native_location_leaves_unknown, begin_setup),

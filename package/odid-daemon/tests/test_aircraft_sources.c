@@ -266,7 +266,7 @@ static void one_position_from_the_future_has_no_future_timestamp(void **state)
 static void a_restart_of_ours_does_not_cost_the_position(void **state)
 {
     (void)state;
-    aircraft_restore_fix(aircraft, now_us);
+    aircraft_restore_fix(aircraft, true, now_us);
     sim.gps = false;
     fly(0.4);
     assert_true(view.location.position_fresh);
@@ -274,6 +274,20 @@ static void a_restart_of_ours_does_not_cost_the_position(void **state)
     fly(6);
     assert_false(view.location.position_fresh);
     assert_false(condition.fix_known);
+}
+
+/* Nor does one while there is no position begin anew to wait for one. */
+static void a_restart_of_ours_does_not_hide_that_there_is_no_position(void **state)
+{
+    (void)state;
+    look();
+    assert_int_equal(view.location.status, AIRCRAFT_UNDECLARED);
+    aircraft_restore_fix(aircraft, false, now_us);
+    look();
+    assert_int_equal(view.location.status, AIRCRAFT_REMOTE_ID_FAILURE);
+    fly(1.2);
+    assert_true(view.location.position_fresh);
+    assert_int_not_equal(view.location.status, AIRCRAFT_REMOTE_ID_FAILURE);
 }
 
 static void nothing_from_before_a_restart_is_its_word_after_it(void **state)
@@ -536,6 +550,8 @@ int main(void)
         cmocka_unit_test_setup(a_burst_counts_in_any_order, begin_setup),
         cmocka_unit_test_setup(one_position_from_the_future_has_no_future_timestamp, begin_setup),
         cmocka_unit_test_setup(a_restart_of_ours_does_not_cost_the_position, begin_setup),
+        cmocka_unit_test_setup(a_restart_of_ours_does_not_hide_that_there_is_no_position,
+                               begin_setup),
         cmocka_unit_test_setup(nothing_from_before_a_restart_is_its_word_after_it, begin_setup),
         cmocka_unit_test_setup(a_clock_that_ran_slow_is_learnt_again_within_10_s, begin_setup),
         cmocka_unit_test_setup(a_time_without_a_fix_is_none, begin_setup),

@@ -413,7 +413,10 @@ static void the_height_above_ground_is_said_to_be(void **state)
     struct telemetry_update update;
 
     (void)state;
+    sim.native = true;
     fly(5);
+    sim.native = false;
+    fly(0.2);
     update = native_of(now_us);
     update.location.height_reference = MAV_ODID_HEIGHT_REF_OVER_GROUND;
     give(&update);

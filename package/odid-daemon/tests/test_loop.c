@@ -132,6 +132,20 @@ static void a_timer_that_is_always_late_leaves_the_descriptors_their_turn(void *
     assert_true(strchr(calls, 'd') < calls + 4);
 }
 
+/* After a late wake-up both are there: what is due goes out with what has come. */
+static void what_has_come_is_read_before_what_is_due(void **state)
+{
+    static char d = 'd', t = 't';
+
+    (void)state;
+    loop_timer_init(&timers[0], on_timer, &t);
+    loop_arm(&timers[0], loop_now_us() - 1);
+    assert_int_equal(loop_watch(&watches[0], pairs[0][0], EPOLLIN, on_readable, &d), 0);
+    assert_int_equal(write(pairs[0][1], "x", 1), 1);
+    run_ms(10);
+    assert_string_equal(calls, "dt");
+}
+
 static void on_first_of_two(void *context, uint32_t events, int64_t now_us)
 {
     (void)context;
@@ -223,6 +237,7 @@ int main(void)
         TEST(timers_fire_in_the_order_of_their_deadlines),
         TEST(a_timer_armed_again_has_only_its_new_deadline),
         TEST(a_timer_that_is_always_late_leaves_the_descriptors_their_turn),
+        TEST(what_has_come_is_read_before_what_is_due),
         TEST(a_watch_that_was_ended_in_this_round_is_not_called),
         TEST(what_was_ready_before_is_not_told_of_the_next_descriptor),
         TEST(a_hang_up_is_told_unasked),
