@@ -47,3 +47,12 @@ def test_what_does_not_passes(tmp_path, body):
 
 def test_what_needs_real_time_says_so(tmp_path):
     assert check(tmp_path, "assert time.monotonic() - begun < 4", "@pytest.mark.timed").returncode == 0
+
+
+@pytest.mark.parametrize("function, status", [("test_it", 1), ("answer_slowly", 0)])
+def test_a_sleep_in_c_is_named(tmp_path, function, status):
+    path = tmp_path / "test_recorder_snapshot.c"
+    path.write_text(f"static void {function}(void **state)\n{{\n    usleep(50000);\n}}\n")
+    result = subprocess.run([sys.executable, CHECK, path], cwd=tmp_path, capture_output=True, text=True)
+    assert result.returncode == status, result.stdout
+    assert status == 0 or f"{path}:3: a sleep" in result.stdout

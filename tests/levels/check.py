@@ -49,7 +49,12 @@ def checks() -> list[tuple[str, list[str], list[Path]]]:
             [path for path in paths if is_man_page(path)],
         ),
         ("Python", [sys.executable, "-m", "pyflakes"], python),
-        ("waits and durations", [sys.executable, "tests/levels/durations.py"], [path for path in python if path.parts[0] == "tests"]),
+        (
+            "waits and durations",
+            [sys.executable, "tests/levels/durations.py"],
+            [path for path in python if path.parts[0] == "tests"]
+            + [path for path in paths if path.suffix in {".c", ".h"} and path.parent.name == "tests"],
+        ),
     ]
 
 

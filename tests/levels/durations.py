@@ -4,10 +4,12 @@
     a promise about time is said   with patience.promise: an assertion doesn't read a clock
     nothing has happened by then   a sleep stands where something must *not* happen, and is named below
 
-It reads every test and what tests are made of, but for functions marked `timed` and the files below.
+It reads every test and what tests are made of, but for functions marked `timed` and the files below; of the unit tests in C,
+where loop_until.h waits, their sleeps.
 """
 
 import ast
+import re
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -72,6 +74,14 @@ PERMITTED_SLEEPS = {
     "web/test_api.py::test_the_page_answers_while_a_slow_updater_takes_a_bundle": "a pause between questions",
     "web/test_api.py::test_the_same_result_twice_is_two_results": "a file's time goes on in steps",
     "web/test_page.py::picture": "pictures for docs/page.md",
+}
+PERMITTED_SLEEPS_IN_C = {
+    "test_autopilot_find.c::play": "a model: so often an autopilot speaks",
+    "test_clock_set_program.c::until_it_serves": "a wait",
+    "test_clock_set_program.c::without_a_daemon_it_waits": "it must not end",
+    "test_keeper_process.c::beat": "a model: so often a daemon shows that it lives",
+    "test_keeper_process.c::the_port_stays_taken_between_two_daemons": "it must not be free; then a wait",
+    "test_recorder_snapshot.c::answer_slowly": "a model: a slow daemon",
 }
 CLOCKS = {"monotonic", "time", "perf_counter"}
 WAITS = {"settimeout", "wait", "communicate", "select", "join", "create_connection"}
@@ -160,6 +170,15 @@ def breaches(path, lines, function):
             yield Breach(path, line, f"a sleep: wait for what it is for, or name it in {Path(__file__).name}")
 
 
+def sleeps_in_c(path, lines):
+    function = ""
+    for number, line in enumerate(lines, 1):
+        if begins := re.match(r"(?:\w[\w *]*?[ *])?(\w+)\(", line):
+            function = begins[1]
+        if re.search(r"\b\w*sleep\(", line) and f"{path.name}::{function}" not in PERMITTED_SLEEPS_IN_C:
+            yield Breach(path, number, f"a sleep: loop_until, or name it in {Path(__file__).name}")
+
+
 def functions(tree):
     for node in ast.walk(tree):
         if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
@@ -168,6 +187,8 @@ def functions(tree):
 
 def check(path):
     text = path.read_text(encoding="utf-8")
+    if path.suffix in (".c", ".h"):
+        return list(sleeps_in_c(path, text.splitlines()))
     tree, found = ast.parse(text), {}
     timed = [one for one in functions(tree) if is_timed(one)]
     inside = {id(node) for one in timed for node in ast.walk(one)}
@@ -180,8 +201,7 @@ def check(path):
 
 def main():
     paths = [path for path in map(Path, sys.argv[1:])
-             if not any(str(path.relative_to(TESTS)) == one or str(path.relative_to(TESTS)).startswith(f"{one}/")
-                        for one in PERMITTED_FILES)]
+             if not any(path.is_relative_to(TESTS / one) for one in PERMITTED_FILES)]
     found = [one for path in paths for one in check(path)]
     for one in found:
         print(one)

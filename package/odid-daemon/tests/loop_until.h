@@ -15,13 +15,13 @@
 #include <stdlib.h>
 
 #include "loop.h"
+#include "patience.h"
 
 #ifndef TIME_IS_SIMULATED /* simulated_time.h comes first */
 #define TIME_IS_SIMULATED false
 #endif
 
 #define LOOK_EVERY_US 1000
-#define PATIENCE_MS 60000
 
 /* A busy machine must not look like slow code. Refused (not root): the tests may wait in vain. */
 __attribute__((constructor)) static void take_real_time_priority(void)

@@ -10,6 +10,8 @@
 #include <termios.h>
 #include <unistd.h>
 
+#include "patience.h"
+
 /* Returns the master, non-blocking. path: a name in a new directory, linked to the slave. */
 static inline int pty_open(const char *path)
 {
@@ -26,8 +28,6 @@ static inline int pty_open(const char *path)
     return symlink(ptsname(master), path) < 0 ? -1 : master;
 }
 
-#define PTY_PATIENCE_MS 60000
-
 /*
  * Reads so many octets, which the kernel hands over some time after they were
  * written to the other end. Returns how many came; all, but for a fault.
@@ -38,7 +38,7 @@ static inline size_t pty_read(int fd, void *octets, size_t size)
     size_t filled = 0;
     ssize_t length;
 
-    while (filled < size && poll(&waiting, 1, PTY_PATIENCE_MS) == 1) {
+    while (filled < size && poll(&waiting, 1, PATIENCE_MS) == 1) {
         length = read(fd, (char *)octets + filled, size - filled);
         if (length <= 0) {
             break;

@@ -12,6 +12,7 @@
 
 #include <fcntl.h>
 #include <libgen.h>
+#include <poll.h>
 #include <signal.h>
 #include <stdbool.h>
 #include <stdio.h>
@@ -24,6 +25,8 @@
 #include <sys/wait.h>
 #include <time.h>
 #include <unistd.h>
+
+#include "patience.h"
 
 static char directory[32], file[64], release[64], log_path[64], socket_path[64];
 static int listener;
@@ -77,6 +80,7 @@ static pid_t run_clock(const char *mode)
     assert_true(pid >= 0);
     if (pid == 0) {
         prctl(PR_SET_PDEATHSIG, SIGKILL);
+        signal(SIGPIPE, SIG_DFL);
         log = open(log_path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
         dup2(log, STDERR_FILENO);
         if (readlink("/proc/self/exe", self, sizeof(self) - 1) > 0) {
@@ -103,26 +107,53 @@ static bool log_has(const char *words)
     return strstr(text, words) != NULL;
 }
 
-/* Answers whoever asks, for some time, with that time; 0: with none. */
-static void answer_for(int ms, time_t seconds)
+/* Answers whoever asks next, so many times, with that time; 0: with none. */
+static void answer(unsigned times, time_t seconds)
 {
     char status[128], utc[32];
     struct tm parts;
+    struct pollfd asked = {.fd = listener, .events = POLLIN};
 
-    for (int i = 0; i < ms; i++) {
-        int fd = accept4(listener, NULL, NULL, SOCK_CLOEXEC);
+    for (unsigned i = 0; i < times; i++) {
+        time_t told = seconds == -1 ? time(NULL) : seconds;
+        int fd;
 
-        if (fd >= 0) {
-            time_t told = seconds == -1 ? time(NULL) : seconds;
+        assert_int_equal(poll(&asked, 1, PATIENCE_MS), 1);
+        fd = accept4(listener, NULL, NULL, SOCK_CLOEXEC);
+        assert_true(fd >= 0);
+        strftime(utc, sizeof(utc), "%Y-%m-%dT%H:%M:%SZ", gmtime_r(&told, &parts));
+        snprintf(status, sizeof(status), "{\"time\": {\"known\": %s, \"utc\": \"%s\"}}",
+                 seconds != 0 ? "true" : "false", utc);
+        assert_true(send(fd, status, strlen(status), MSG_NOSIGNAL) > 0);
+        close(fd);
+    }
+}
 
-            strftime(utc, sizeof(utc), "%Y-%m-%dT%H:%M:%SZ", gmtime_r(&told, &parts));
-            snprintf(status, sizeof(status), "{\"time\": {\"known\": %s, \"utc\": \"%s\"}}",
-                     seconds != 0 ? "true" : "false", utc);
-            assert_true(send(fd, status, strlen(status), MSG_NOSIGNAL) > 0);
-            close(fd);
+/*
+ * Until it waits for signals: one that comes before ends it in no order. What is waited for isn't
+ * seen in SigBlk; that SIGPIPE is ignored, which it does next, is seen in SigIgn.
+ */
+static void until_it_serves(pid_t pid)
+{
+    char path[64], text[4096] = "";
+
+    snprintf(path, sizeof(path), "/proc/%d/status", (int)pid);
+    for (int tries = 0; tries < PATIENCE_MS; tries++) {
+        int fd = open(path, O_RDONLY | O_CLOEXEC);
+        ssize_t length = fd < 0 ? -1 : read(fd, text, sizeof(text) - 1);
+        const char *ignored;
+
+        close(fd);
+        assert_true(length > 0);
+        text[length] = '\0';
+        ignored = strstr(text, "SigIgn:");
+        if (ignored != NULL &&
+            strtoull(ignored + strlen("SigIgn:"), NULL, 16) & 1ULL << (SIGPIPE - 1)) {
+            return;
         }
         usleep(1000);
     }
+    fail_msg("it never waited for signals: %s", text);
 }
 
 static int ended(pid_t pid)
@@ -136,6 +167,7 @@ static int ended(pid_t pid)
 
 static int end(pid_t pid)
 {
+    until_it_serves(pid);
     kill(pid, SIGTERM);
     return ended(pid);
 }
@@ -177,9 +209,9 @@ static void the_autopilots_time_sets_it(void **state)
     pid_t pid = run_clock("-dry-run");
 
     (void)state;
-    answer_for(300, 0);
+    answer(2, 0); /* it asks again when it is through with the first one */
     assert_false(log_has("the clock"));
-    answer_for(1500, 1795255200 + 86400);
+    answer(1, 1795255200 + 86400);
     assert_int_equal(end(pid), 0);
     assert_true(log_has("the clock would be set to 2026-11-22 10:00:00 UTC, the autopilot's time"));
 }
@@ -189,7 +221,7 @@ static void an_autopilots_time_before_the_build_is_told_and_not_used(void **stat
     pid_t pid = run_clock("-dry-run");
 
     (void)state;
-    answer_for(500, 1600000000); /* 2020 */
+    answer(1, 1600000000); /* 2020 */
     assert_int_equal(end(pid), 0);
     assert_true(log_has("is before this system was built"));
     assert_false(log_has("the clock would"));
@@ -202,7 +234,8 @@ static void without_a_daemon_it_waits(void **state)
     (void)state;
     unlink(socket_path);
     pid = run_clock("-dry-run");
-    usleep(300000);
+    until_it_serves(pid);
+    usleep(300000); /* it goes on */
     assert_int_equal(end(pid), 0);
     assert_false(log_has("error"));
 }
@@ -220,7 +253,7 @@ static void at_the_end_it_saves_the_time(void **state)
     }
     write_release("BUILD_TIME=1300000000\n");
     pid = run_clock(NULL);
-    answer_for(500, -1);
+    answer(1, -1);
     assert_int_equal(stat(file, &status), -1);
     assert_int_equal(end(pid), 0);
     assert_false(log_has("the clock"));
@@ -242,7 +275,7 @@ static void a_disk_that_is_gone_is_told(void **state)
     snprintf(file, sizeof(file), "%s", missing);
     write_release("BUILD_TIME=1300000000\n");
     pid = run_clock(NULL);
-    answer_for(300, -1);
+    answer(1, -1);
     assert_int_equal(end(pid), 0);
     assert_true(log_has("can't save the time to /nonexistent/clock: No such file or directory"));
 }
