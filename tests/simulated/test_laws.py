@@ -12,7 +12,7 @@ FLIGHT_S = 120
 BROKEN = {
     "no newer position": ("bt4: no newer position", "bt5: no newer position", "wifi: no newer position"),
     "no other message": ("bt4: no basic_id", "bt4: no system", "bt4: no operator_id", "bt4: no self_id", "bt5: no system"),
-    "told that it is bad": ('"Bluetooth 4 off: absent"', '"no heartbeat from autopilot"'),
+    "told that it is bad": ('"Bluetooth 4 off: absent"', '"no link to the autopilot"'),
     "not told": ("no ARM_STATUS",),
     "failure": ("bt4: Remote ID system failure", "wifi: Remote ID system failure"),
     "recorded gaps": ("bt4: the flight record has a gap", "wifi: the flight record has a gap")}
