@@ -6,13 +6,13 @@ import subprocess
 
 import pytest
 
-from .root import BUSYBOX, Appliance
+from .root import BUSYBOX, OF_ITS_OWN, Appliance
 
 
 @functools.cache
 def no_mounts():
     """Why there are none of our own here; empty: there are."""
-    tried = subprocess.run(["unshare", "--mount", "true"], capture_output=True, text=True, check=False)
+    tried = subprocess.run([*OF_ITS_OWN, "true"], capture_output=True, text=True, check=False)
     return tried.stderr.strip() if tried.returncode else ""
 
 

@@ -31,6 +31,10 @@ echo OK
 # Debian's BusyBox has none; nothing runs twice here.
 FLOCK = "#!/bin/sh\n"
 NOTED = ("sv", "nft", "hostapd_cli", "ip")
+# BusyBox' shell takes its own `ip` before the one that is noted: what a script does to a network, a name, a clock or a
+# kernel, it does to none of this machine's.
+OF_ITS_OWN = ("unshare", "--mount", "--net", "--uts", "--ipc",
+              "setpriv", "--bounding-set=-sys_boot,-sys_time,-sys_module,-sys_rawio")
 KEY = "7" * 64
 
 
@@ -77,8 +81,8 @@ class Appliance:
         return (self.root / path).exists()
 
     def words(self, command, shell="/bin/sh"):
-        inside = f'mount --bind /proc "$0/proc" && exec chroot "$0" {shell} {"sh " if "busybox" in shell else ""}-c "$1"'
-        return ["unshare", "--mount", "sh", "-c", inside, str(self.root), f"PATH=/usr/bin:/bin; {command}"]
+        inside = f'mount --bind /proc "$0/proc" && mount --bind -o ro /proc/sys "$0/proc/sys" && exec chroot "$0" {shell} {"sh " if "busybox" in shell else ""}-c "$1"'
+        return [*OF_ITS_OWN, "sh", "-c", inside, str(self.root), f"PATH=/usr/bin:/bin; {command}"]
 
     def run(self, command, shell="/bin/sh"):
         return subprocess.run(self.words(command, shell), capture_output=True, text=True, timeout=patience.LIMIT_S)

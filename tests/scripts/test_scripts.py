@@ -15,6 +15,8 @@ from patience import LIMIT_S, stays, wait_for
 
 from .root import KEY, NOTES, OVERLAY, ROOT
 
+CAP_SYS_MODULE, CAP_SYS_BOOT, CAP_SYS_TIME = 16, 22, 25  # capability.h
+
 
 def test_each_country_that_can_be_set_has_rules():
     """By the database that the appliance's image has: 8 octets, then each country's two letters and where its rules are."""
@@ -531,6 +533,14 @@ def test_another_vehicle_than_1_is_told_to_mavlink_router_but_not_in_flight(appl
 
 
 # --- the networks' ------------------------------------------------------------------
+
+
+def test_nothing_of_this_machine_s_is_in_reach_of_a_script(appliance):
+    """The lease's script took this machine's own addresses away, each time that the tests below ran."""
+    assert appliance.must("ip -o link").splitlines() == [appliance.must("ip -o link show lo").rstrip()]
+    assert "Read-only" in appliance.run("echo 0 >/proc/sys/vm/swappiness").stderr
+    held = int(re.search(r"CapEff:\s*(\w+)", appliance.must("cat /proc/self/status"))[1], 16)
+    assert not held & (1 << CAP_SYS_BOOT | 1 << CAP_SYS_TIME | 1 << CAP_SYS_MODULE)
 
 
 @pytest.mark.parametrize("ip, mask, taken", [
