@@ -52,9 +52,9 @@ buildroot = @{ $(BUILDROOT_MAKE) $(2) || echo failed; } 2>&1 | tee $(IMAGE_OUT)/
 sbom = @$(BUILDROOT_MAKE) -s show-info | env PYTHONHASHSEED=0 board/common/bill-of-materials.sh $(abspath $(DL_DIR)) $(BUILDROOT_DIR) \
 	$(IMAGE_OUT) odid-$(BOARD) $(IMAGE_VERSION)
 
-# Buildroot doesn't look whether a package's recipe or source has changed; for the layer's own we do.
+# Buildroot doesn't look whether a package's recipe, patches or source have changed; for the layer's own we do.
 changed-recipes = $(if $(wildcard $(IMAGE_OUT)/built),$(addsuffix -dirclean,$(filter-out odid-daemon,\
-	$(shell find br2-external/package/*/ -newer $(IMAGE_OUT)/built -type f | cut -d / -f 3 | sort -u))))
+	$(shell find br2-external/package/*/ br2-external/patches/*/ -newer $(IMAGE_OUT)/built -type f | cut -d / -f 3 | sort -u))))
 
 .PHONY: image source legal reproducible buildroot test-image image-host
 image: $(IMAGE_OUT)/defconfig keys

@@ -45,6 +45,8 @@ class HawkBit:
     def __init__(self, name, tenant="DEFAULT", token="a-test-token", poll_s=3, tls=None):
         self.name, self.tenant, self.token, self.poll_s = name, tenant, token, poll_s
         self.action = self.bundle = self.version = None
+        self.download = self.update = "forced"          # or "attempt"; "skip": not now
+        self.window = None                              # of maintenance: "available", "unavailable"; None: it has none
         self.cancelling, self.cancelled = False, []     # the action is to be called off; what was said to that
         self.polls = self.octets = 0        # octets: of both directions, above TCP and TLS
         self.attributes, self.feedback, self.violations, self.refused = {}, [], [], 0
@@ -160,7 +162,8 @@ class HawkBit:
     def _deployment(self, action):
         data = self.bundle.read_bytes()
         href = f"{self.url}{self.base}/softwaremodules/{MODULE}/artifacts/{self.bundle.name}"
-        return 200, {"id": action, "deployment": {"download": "forced", "update": "forced", "chunks": [{
+        when = {"download": self.download, "update": self.update} | ({"maintenanceWindow": self.window} if self.window else {})
+        return 200, {"id": action, "deployment": when | {"chunks": [{
             "part": "os", "version": self.version, "name": "odid", "artifacts": [{
                 "filename": self.bundle.name, "size": len(data),
                 "hashes": {"sha1": hashlib.sha1(data).hexdigest(), "md5": hashlib.md5(data).hexdigest(),

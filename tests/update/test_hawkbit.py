@@ -1,5 +1,6 @@
 """SWUpdate's own hawkBit client against a model of the server."""
 
+import os
 import time
 
 import pytest
@@ -131,6 +132,46 @@ def test_one_that_is_called_off_while_it_comes(ready, server):
     assert "called off" in ready.result()["sentence"]
     assert_left_alone(ready, server, installer)
     assert found() == before and ready.protected()
+    assert not server.violations
+
+
+# --- not now ---------------------------------------------------------------------------
+
+release_only = pytest.mark.skipif(not os.environ.get("IMAGE"), reason=(
+    "the bench's SWUpdate, Debian's, closes what the server says skip to (br2-external/patches/swupdate): "
+    "IMAGE=build/image/qemu/images/disk.img"))
+
+
+@release_only
+@pytest.mark.parametrize("field", ["update", "download"])
+def test_what_the_server_says_skip_to_waits_and_is_installed_later(ready, server, field):
+    """Outside of the maintenance window it was told that it had been a success, and held the aircraft for updated for ever."""
+    before = ready.starts()
+    setattr(server, field, "skip")
+    server.window = "unavailable"
+    server.offer(26, bundles.bundle("good", NEWER), NEWER)
+    polls = server.polls
+    wait_for("more polls", lambda: server.polls > polls + 2)
+    assert not server.feedback and not server.downloads and ready.starts() == before
+    setattr(server, field, "attempt")
+    server.window = "available"
+    ready.wait_restart(before)
+    ready.machine.wait_on_air()
+    wait_for("the report", lambda: server.outcome(26))
+    assert server.outcome(26) == "success"
+    assert not server.violations
+
+
+@release_only
+def test_one_that_the_server_says_skip_to_while_it_comes_is_not_over(ready, server):
+    before, bundle = ready.starts(), bundles.bundle("good", NEWER)
+    server.rate = bundle.stat().st_size // (3 * OFFERED_POLL_S)     # SWUpdate asks meanwhile
+    server.offer(27, bundle, NEWER)
+    ready.wait_state("installing")
+    server.update = "skip"
+    ready.wait_state("idle")
+    assert server.outcome(27) is None and "closed" not in server.executions("27")
+    assert ready.starts() == before and ready.protected()
     assert not server.violations
 
 
