@@ -24,6 +24,7 @@
 #include "update_environment.h"
 #include "update_files.h"
 #include "update_gate.h"
+#include "update_hawkbit.h"
 #include "update_installer.h"
 #include "update_judge.h"
 #include "update_places.h"
@@ -32,9 +33,6 @@
 #include "whole_file.h"
 
 #define SECOND_US 1000000
-#define HAWKBIT_PAUSE_US 600000000
-#define HAWKBIT_REPORT_US 15000000
-#define HAWKBIT_PAUSE_MAX_US (16 * INT64_C(600000000))
 
 static struct {
     struct update update;
@@ -52,10 +50,7 @@ static struct {
     char refused[UPDATE_SENTENCE_SIZE]; /* why the gate refused this bundle, or "" */
     char reason[UPDATE_SENTENCE_SIZE];  /* why it was rolled back, until the restart; or "" */
     bool overwritten; /* a bundle was refused since, and that is the last result */
-    struct loop_timer tick, hawkbit_pause;
-    int64_t hawkbit_pause_us; /* how long the next one is */
-    struct loop_timer report;
-    int64_t reporting_until_us; /* until then its client says what became of an update */
+    struct loop_timer tick;
     struct loop_watch signals;
 } self;
 
@@ -214,47 +209,6 @@ static void end_installer(void)
     complain("SWUpdate can't be ended", update_installer_end(INSTALLER));
 }
 
-static bool asks_hawkbit(void)
-{
-    struct stat file;
-
-    return stat(HAWKBIT, &file) == 0 && file.st_size > 0;
-}
-
-/* Until then SWUpdate is without hawkBit: its server would begin the same at once, again and again,
- * and the aircraft would stay on the ground. Each time twice as long, until an update comes
- * through: a server that goes on so gets less and less of the day. */
-static void pause_hawkbit(int64_t now_us)
-{
-    if (!asks_hawkbit()) {
-        return;
-    }
-    complain("hawkBit can't be paused", whole_file_replace(HAWKBIT_PAUSE, "", 0, 0644));
-    log_info("update: hawkBit isn't asked for %d minutes",
-             (int)(self.hawkbit_pause_us / (60 * SECOND_US)));
-    loop_arm(&self.hawkbit_pause, now_us + self.hawkbit_pause_us);
-    self.hawkbit_pause_us *= self.hawkbit_pause_us < HAWKBIT_PAUSE_MAX_US ? 2 : 1;
-}
-
-static void end_report(void *context, int64_t now_us)
-{
-    (void)context;
-    (void)now_us;
-    end_installer(); /* it starts again without hawkBit */
-}
-
-static void end_hawkbit_pause(void *context, int64_t now_us)
-{
-    (void)context;
-    if (self.update.state != UPDATE_IDLE) { /* somebody else's update: SWUpdate is busy */
-        loop_arm(&self.hawkbit_pause, now_us + SECOND_US);
-        return;
-    }
-    if (unlink(HAWKBIT_PAUSE) == 0) {
-        end_installer();
-    }
-}
-
 static void commit(int64_t now_us)
 {
     struct update_variables variables = {.slot = self.running};
@@ -267,7 +221,7 @@ static void commit(int64_t now_us)
     self.variables = variables;
     keep(UPDATE_INSTALLED, self.version, "Version %s is installed.", self.version);
     update_committed(&self.update, now_us);
-    if (asks_hawkbit()) { /* its client reports when it starts */
+    if (update_hawkbit_is_asked()) { /* its client reports when it starts */
         end_installer();
     }
 }
@@ -329,7 +283,7 @@ static void act(int64_t now_us)
     case UPDATE_STOP:
         /* Also when it was called off: its server, which doesn't know, would begin again. */
         if (!self.stopping && (self.update.slow || (self.passed && !board.armed))) {
-            pause_hawkbit(now_us);
+            update_hawkbit_pause(now_us);
         }
         self.stopping = true; /* it may take its time */
         end_installer();
@@ -499,13 +453,11 @@ static void on_ends(const char *why, int64_t now_us)
     }
     protect_other(passed);
     if (is_marked()) {
-        self.hawkbit_pause_us = HAWKBIT_PAUSE_US;
+        update_hawkbit_came_through();
         update_installed(&self.update, now_us);
     } else {
-        if (broke_off && asks_hawkbit()) {
-            pause_hawkbit(now_us);
-            self.reporting_until_us = now_us + HAWKBIT_REPORT_US;
-            loop_arm(&self.report, self.reporting_until_us);
+        if (broke_off) {
+            update_hawkbit_report_and_pause(now_us);
         }
         refuse(why[0] != '\0' ? why : "all went well, but nothing is marked to be started.",
                self.update.version);
@@ -530,7 +482,7 @@ static void judge_offer(bool unattended, char answer[UPDATE_SENTENCE_SIZE])
                                              .beside = self.beside,
                                              .unattended = unattended};
 
-    if (loop_now_us() < self.reporting_until_us) {
+    if (update_hawkbit_reports(loop_now_us())) {
         snprintf(answer, UPDATE_SENTENCE_SIZE,
                  "The one before it was broken off, and its server is being told. Try again in a "
                  "quarter of a minute.");
@@ -701,6 +653,11 @@ static bool start(bool first, int64_t now_us)
     return true;
 }
 
+static bool nothing_goes_on(void)
+{
+    return self.update.state == UPDATE_IDLE;
+}
+
 static void on_signal(void *context, uint32_t events, int64_t now_us)
 {
     (void)context;
@@ -731,12 +688,7 @@ static int serve(void)
     }
     loop_timer_init(&self.tick, on_tick, NULL);
     loop_arm(&self.tick, loop_now_us());
-    loop_timer_init(&self.hawkbit_pause, end_hawkbit_pause, NULL);
-    loop_timer_init(&self.report, end_report, NULL);
-    self.hawkbit_pause_us = HAWKBIT_PAUSE_US;
-    if (access(HAWKBIT_PAUSE, F_OK) == 0) { /* of an earlier process */
-        loop_arm(&self.hawkbit_pause, loop_now_us() + HAWKBIT_PAUSE_US);
-    }
+    update_hawkbit_begin(nothing_goes_on, end_installer, loop_now_us());
     update_installer_watch(&calls, first);
     result = update_gate_serve(STATE, &gate);
     if (result < 0) {

@@ -49,6 +49,7 @@ static void model_sync(void);
 #define sync model_sync
 #define main odid_update_main
 #include "odid_update_main.c"
+#include "update_hawkbit.c"
 #undef main
 #undef kill
 #undef sync
@@ -193,8 +194,8 @@ static void put(const char *path, const char *text)
 static void begin(bool first)
 {
     memset(&self, 0, sizeof(self));
-    self.hawkbit_pause_us = HAWKBIT_PAUSE_US;
     assert_true(start(first, now_us));
+    update_hawkbit_begin(nothing_goes_on, end_installer, now_us);
 }
 
 static void pass(unsigned seconds)
@@ -235,7 +236,8 @@ static int setup(void **state)
     memset(&board, 0, sizeof(board));
     board.bt5 = "absent";
     now_us = 100 * SECOND_US;
-    assert_int_equal(system("rm -rf data state faults && mkdir -p data/odid state faults"), 0);
+    assert_int_equal(
+        system("rm -rf data state faults swupdate.hawkbit && mkdir -p data/odid state faults"), 0);
     return 0;
 }
 
@@ -269,6 +271,35 @@ static void what_is_written_is_started_when_disarmed(void **state)
     board.armed = false;
     pass(10);
     assert_true(board.restarts > 0);
+}
+
+/* Else its server begins again at once; and not before it has been told. */
+static void after_one_that_broke_off_hawkbit_is_left_alone(void **state)
+{
+    (void)state;
+    slot_a_runs_1_0_0();
+    written();
+    on_ends("", now_us); /* nobody asks a server */
+    assert_int_equal(access(HAWKBIT_PAUSE, F_OK), -1);
+    put(HAWKBIT, "-u https://updates.example.org\n");
+    for (int64_t minutes = 10; minutes <= 320; minutes *= 2) {
+        int64_t pause_us = (minutes < 160 ? minutes : 160) * 60 * SECOND_US;
+
+        assert_true(hawkbit.pause_us == pause_us);
+        written();
+        on_ends("", now_us);
+        assert_int_equal(access(HAWKBIT_PAUSE, F_OK), 0);
+        assert_true(hawkbit.pause.deadline_us == now_us + pause_us);
+        assert_true(update_hawkbit_reports(now_us));
+        assert_false(update_hawkbit_reports(now_us + REPORT_US));
+        end_pause(NULL, now_us += pause_us);
+        assert_int_equal(access(HAWKBIT_PAUSE, F_OK), -1);
+        hawkbit.reporting_until_us = 0; /* the gate goes by the real clock */
+    }
+    written();
+    mark();
+    on_ends("", now_us);
+    assert_true(hawkbit.pause_us == PAUSE_US);
 }
 
 /* By a setting that is saved during the trial, or by the new version itself. */
@@ -378,6 +409,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup(what_is_written_is_started_when_disarmed, setup),
+        cmocka_unit_test_setup(after_one_that_broke_off_hawkbit_is_left_alone, setup),
         cmocka_unit_test_setup(a_channel_that_is_switched_off_in_the_trial, setup),
         cmocka_unit_test_setup(a_failed_trial_stays_failed_over_its_own_restart, setup),
         cmocka_unit_test_setup(what_was_called_off_is_not_started, setup),
