@@ -17,7 +17,7 @@ NAMED = (
     Mutant("a signature goes out before all of its pages have come", "aircraft_view.c",
            "if ((aircraft->auth_received & 1) && pages <= TELEMETRY_AUTH_PAGES &&\n"
            "        (aircraft->auth_received & all) == all) {", "if (aircraft->auth_received & 1) {"),
-    Mutant("climb is said as descent", "telemetry.c", "up_mps = -position.vz / 100.0", "up_mps = position.vz / 100.0"),
+    Mutant("climb is said as descent", "telemetry_plain.c", "up_mps = -position.vz / 100.0", "up_mps = position.vz / 100.0"),
     Mutant("height above home, which can move in flight", "aircraft_takeoff.c",
            "return fix->altitude_msl_m - aircraft->takeoff.altitude_msl_m;", "return fix->relative_altitude_m;"),
     Mutant("a position is dated by its arrival", "aircraft_position.c", "fix->fix_us = waiting->stamped_us;", "fix->fix_us = now_us;"),
