@@ -8,16 +8,7 @@
 #include "framing.h"
 #include "telemetry_odid.h"
 #include "telemetry_plain.h"
-
-/* A vehicle that was silent for this long may be another one: a changed SYSID, another aircraft. */
-#define VEHICLE_FORGOTTEN_US 10000000
-#define VEHICLE_EXPECTED_US 3000000 /* three of its HEARTBEATs */
-/* Who says HEARTBEATs for so long, or anything else, is there to stay; who falls silent before, for
- * longer than a HEARTBEAT's second, was a stray voice. */
-#define SETTLED_US 3000000
-#define PASSED_BY_US 1500000
-/* An autopilot has started by then; one that is expected still isn't there. */
-#define VEHICLE_STARTED_US 60000000
+#include "vehicle.h"
 
 /* An autopilot that is given another system id in flight goes on with its numbers and its clock; it
  * takes its own place once the old id has been silent for so long. */
@@ -38,25 +29,14 @@ struct telemetry {
     struct telemetry_counters counters;
     struct belief belief;
     mavlink_message_t latest; /* of the vehicle's autopilot */
-    uint8_t vehicle;          /* system id, 0 = none yet */
-    uint8_t kept;             /* who was there first, or is expected: it may return */
-    bool kept_heard;          /* it was the vehicle in our time, ... */
-    int64_t kept_us;          /* ... until then */
-    int64_t kept_until_us;    /* one that wasn't heard is expected until then */
-    int64_t begun_us;         /* the vehicle's first HEARTBEAT */
-    bool spoke;               /* it says more than HEARTBEATs */
-    bool armed;               /* the vehicle's last word */
-    bool seen_disarmed;       /* it said so before */
-    bool identified;          /* its autopilot said who it is */
-    bool authenticated;       /* and proves it */
-    bool signs;               /* its last frame was signed */
-    bool by_another;          /* the native message that is being read isn't its autopilot's */
+    struct vehicle vehicle;
+    bool identified;    /* its autopilot said who it is */
+    bool authenticated; /* and proves it */
+    bool signs;         /* its last frame was signed */
+    bool by_another;    /* the native message that is being read isn't its autopilot's */
     int vehicle_stream;
-    int64_t heartbeat_us;
     int64_t latest_us;
     struct renamed renamed;
-    int64_t vehicle_until_us;         /* no other system is the vehicle until then */
-    uint8_t ground_stations[256 / 8]; /* system ids that sent a ground station's HEARTBEAT */
 };
 
 struct telemetry *telemetry_init(telemetry_fn *deliver, void *context)
@@ -67,7 +47,7 @@ struct telemetry *telemetry_init(telemetry_fn *deliver, void *context)
     telemetry.deliver = deliver;
     telemetry.context = context;
     telemetry.vehicle_stream = -1;
-    telemetry.heartbeat_us = INT64_MIN;
+    vehicle_init(&telemetry.vehicle);
     belief_reset(&telemetry.belief);
     return &telemetry;
 }
@@ -79,15 +59,7 @@ void telemetry_restarted(struct telemetry *telemetry)
 
 void telemetry_expect(struct telemetry *telemetry, uint8_t vehicle, bool armed, int64_t now_us)
 {
-    telemetry->vehicle = telemetry->kept = vehicle;
-    telemetry->kept_until_us = now_us + VEHICLE_STARTED_US;
-    telemetry->armed = armed;
-    telemetry->vehicle_until_us = now_us + VEHICLE_EXPECTED_US;
-}
-
-static bool is_ground_station(const struct telemetry *telemetry, uint8_t system_id)
-{
-    return telemetry->ground_stations[system_id / 8] >> (system_id % 8) & 1;
+    vehicle_expect(&telemetry->vehicle, vehicle, armed, now_us);
 }
 
 /* Where the aircraft is and who, only its autopilot says; a ground station may give an identity to
@@ -112,12 +84,12 @@ static bool says_who(uint32_t message_id)
 static bool odid_concerns_us(const struct telemetry *telemetry, const mavlink_message_t *message,
                              const struct telemetry_odid_address *to)
 {
-    bool to_vehicle = to->system == telemetry->vehicle;
+    bool to_vehicle = to->system == telemetry->vehicle.system;
 
-    if (telemetry->vehicle == 0) {
+    if (telemetry->vehicle.system == 0) {
         return false;
     }
-    if (message->sysid == telemetry->vehicle) {
+    if (message->sysid == telemetry->vehicle.system) {
         if (message->compid == MAV_COMP_ID_AUTOPILOT1) {
             return to->system == 0 || to_vehicle;
         }
@@ -127,7 +99,8 @@ static bool odid_concerns_us(const struct telemetry *telemetry, const mavlink_me
         return to->system == 0 ||
                (to_vehicle && (to->component == 0 || to->component == TELEMETRY_COMPONENT_ODID));
     }
-    if (!is_ground_station(telemetry, message->sysid) || says_where(message->msgid)) {
+    if (!vehicle_is_ground_station(&telemetry->vehicle, message->sysid) ||
+        says_where(message->msgid)) {
         return false;
     }
     return to->system == 0 ||
@@ -138,7 +111,7 @@ static bool odid_concerns_us(const struct telemetry *telemetry, const mavlink_me
 /* System id 0 is nobody's, and no vehicle is known as 0. */
 static bool from_autopilot(const struct telemetry *telemetry, const mavlink_message_t *message)
 {
-    return telemetry->vehicle != 0 && message->sysid == telemetry->vehicle &&
+    return telemetry->vehicle.system != 0 && message->sysid == telemetry->vehicle.system &&
            message->compid == MAV_COMP_ID_AUTOPILOT1;
 }
 
@@ -191,54 +164,6 @@ static void take_odid(struct telemetry *telemetry, const mavlink_message_t *mess
     }
 }
 
-/* It was seen on the ground, and is armed since: nobody passes by like that. */
-static bool took_off_here(const struct telemetry *telemetry, int64_t now_us)
-{
-    return telemetry->seen_disarmed && telemetry->armed && now_us >= telemetry->kept_until_us;
-}
-
-static bool is_settled(const struct telemetry *telemetry)
-{
-    return telemetry->spoke || telemetry->heartbeat_us - telemetry->begun_us >= SETTLED_US;
-}
-
-static bool passed_by(const struct telemetry *telemetry, int64_t now_us)
-{
-    return telemetry->heartbeat_us != INT64_MIN && !is_settled(telemetry) &&
-           now_us - telemetry->heartbeat_us > PASSED_BY_US;
-}
-
-/* The one that was there first: it was only expected, or has been silent for longer than any start
- * takes. (In the air nobody takes its place.) */
-static bool is_given_up(const struct telemetry *telemetry, int64_t now_us)
-{
-    return !telemetry->kept_heard || now_us - telemetry->kept_us >= VEHICLE_STARTED_US;
-}
-
-/*
- * Is this heartbeat, of another system than the vehicle, the vehicle's from now
- * on? Where that one has only passed by: yes. The kept one returns at any time; one that is only
- * expected, of the last power-on, not once another one has taken off here. Another one is a changed
- * system id, after a long silence and on the ground, or where the kept one was
- * only expected; not a ground station's, once there was a vehicle.
- */
-static bool takes_over(const struct telemetry *telemetry, uint8_t system_id, bool armed,
-                       int64_t now_us)
-{
-    bool none_yet = telemetry->heartbeat_us == INT64_MIN;
-
-    if (telemetry->vehicle == 0 || (telemetry->kept == 0 && passed_by(telemetry, now_us) &&
-                                    !is_ground_station(telemetry, system_id))) {
-        return true;
-    }
-    if (system_id == telemetry->kept) {
-        return telemetry->kept_heard || !took_off_here(telemetry, now_us);
-    }
-    return !telemetry->armed && (!armed || none_yet) &&
-           (!is_ground_station(telemetry, system_id) || none_yet) &&
-           now_us >= telemetry->vehicle_until_us;
-}
-
 /* The same autopilot under another number: what was learnt of it stands. */
 static bool is_renamed(const struct telemetry *telemetry, uint8_t system_id, int64_t now_us)
 {
@@ -268,7 +193,8 @@ static void watch_renamed(struct telemetry *telemetry, unsigned stream,
     bool first = renamed->system != message->sysid;
     uint8_t step = (uint8_t)(message->seq - (first ? telemetry->latest.seq : renamed->sequence));
 
-    if (telemetry->vehicle_stream != (int)stream || telemetry->latest.sysid != telemetry->vehicle) {
+    if (telemetry->vehicle_stream != (int)stream ||
+        telemetry->latest.sysid != telemetry->vehicle.system) {
         return;
     }
     if (step == 0 || step > RENAMED_LOST_MAX) {
@@ -286,10 +212,7 @@ static void watch_renamed(struct telemetry *telemetry, unsigned stream,
 
 static void rename_vehicle(struct telemetry *telemetry, uint8_t system_id)
 {
-    if (telemetry->kept == telemetry->vehicle) {
-        telemetry->kept = system_id;
-    }
-    telemetry->vehicle = system_id;
+    vehicle_rename(&telemetry->vehicle, system_id);
     telemetry->renamed.system = 0;
     belief_new_link(&telemetry->belief);
 }
@@ -299,11 +222,11 @@ static void take_heartbeat(struct telemetry *telemetry, const mavlink_message_t 
 {
     struct telemetry_update update = {.kind = TELEMETRY_HEARTBEAT};
     mavlink_heartbeat_t heartbeat;
-    bool is_autopilot, armed;
+    bool is_autopilot, armed, known = telemetry->vehicle.system != 0;
 
     mavlink_msg_heartbeat_decode(message, &heartbeat);
     if (heartbeat.type == MAV_TYPE_GCS) {
-        telemetry->ground_stations[message->sysid / 8] |= (uint8_t)(1 << (message->sysid % 8));
+        vehicle_heard_ground_station(&telemetry->vehicle, message->sysid);
     }
     /* An antenna tracker has an autopilot, too, and is no vehicle. */
     is_autopilot = message->compid == MAV_COMP_ID_AUTOPILOT1 && message->sysid != 0 &&
@@ -317,31 +240,18 @@ static void take_heartbeat(struct telemetry *telemetry, const mavlink_message_t 
     if (is_renamed(telemetry, message->sysid, now_us)) {
         rename_vehicle(telemetry, message->sysid);
     }
-    if (message->sysid != telemetry->vehicle) {
-        if (!takes_over(telemetry, message->sysid, armed, now_us)) {
-            telemetry->counters.other_system++;
-            return;
-        }
-        update.heartbeat.new_vehicle = telemetry->vehicle != 0;
-        telemetry->vehicle = message->sysid;
+    switch (vehicle_heartbeat(&telemetry->vehicle, message->sysid, armed, now_us)) {
+    case VEHICLE_ANOTHER:
+        telemetry->counters.other_system++;
+        return;
+    case VEHICLE_NEW:
+        update.heartbeat.new_vehicle = known;
         belief_reset(&telemetry->belief);
         telemetry->identified = telemetry->authenticated = false;
-        telemetry->seen_disarmed = telemetry->spoke = false;
-        telemetry->begun_us = now_us;
+        break;
+    default:
+        break;
     }
-    telemetry->heartbeat_us = now_us;
-    telemetry->seen_disarmed = telemetry->seen_disarmed || !armed;
-    telemetry->armed = armed;
-    /* Nobody's any more who was expected, and isn't the one that flies. */
-    if (telemetry->kept == message->sysid || (telemetry->kept == 0 && is_settled(telemetry)) ||
-        (took_off_here(telemetry, now_us) && is_given_up(telemetry, now_us))) {
-        telemetry->kept = message->sysid;
-        telemetry->kept_heard = true;
-        telemetry->kept_us = now_us;
-    }
-    /* A system with an autopilot is no ground station, whatever else of it said so. */
-    telemetry->ground_stations[message->sysid / 8] &= (uint8_t) ~(1 << (message->sysid % 8));
-    telemetry->vehicle_until_us = now_us + VEHICLE_FORGOTTEN_US;
     telemetry->counters.frames++;
     update.heartbeat.doubtful = belief_contradicted(&telemetry->belief, now_us);
     update.heartbeat.mav_type = heartbeat.type;
@@ -384,7 +294,8 @@ static void take_frame(struct telemetry *telemetry, unsigned stream,
             belief_new_link(&telemetry->belief);
         }
         telemetry->signs = message->incompat_flags & MAVLINK_IFLAG_SIGNED;
-        telemetry->spoke = telemetry->spoke || message->msgid != MAVLINK_MSG_ID_HEARTBEAT;
+        telemetry->vehicle.spoke =
+            telemetry->vehicle.spoke || message->msgid != MAVLINK_MSG_ID_HEARTBEAT;
         belief_sequence(&telemetry->belief, message->seq, same_frame(message, &telemetry->latest),
                         now_us);
         telemetry->latest = *message;
@@ -437,7 +348,7 @@ void telemetry_reset_stream(struct telemetry *telemetry, unsigned stream)
 
 uint8_t telemetry_vehicle(const struct telemetry *telemetry)
 {
-    return telemetry->vehicle;
+    return telemetry->vehicle.system;
 }
 
 bool telemetry_vehicle_signs(const struct telemetry *telemetry)
@@ -452,7 +363,7 @@ int telemetry_vehicle_stream(const struct telemetry *telemetry)
 
 int64_t telemetry_heartbeat_us(const struct telemetry *telemetry)
 {
-    return telemetry->heartbeat_us;
+    return telemetry->vehicle.heartbeat_us;
 }
 
 bool telemetry_contradicted(const struct telemetry *telemetry, int64_t now_us)

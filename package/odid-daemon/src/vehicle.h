@@ -1,0 +1,51 @@
+/*
+ * The vehicle: the MAVLink system whose autopilot's word counts, chosen among all
+ * that say HEARTBEAT on the lines that are read. The first one, unless it was a stray
+ * voice; the one of the last power-on, while it may still be starting; another one only
+ * after a long silence, and on the ground.
+ *
+ * Pure: is given the HEARTBEATs and the time. Instants are our own clock's, in microseconds.
+ */
+#ifndef ODID_VEHICLE_H
+#define ODID_VEHICLE_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+struct vehicle {
+    uint8_t system;                   /* MAVLink's system id; 0: none yet */
+    bool armed;                       /* its last word */
+    bool seen_disarmed;               /* it said so before */
+    bool spoke;                       /* it says more than HEARTBEATs */
+    int64_t begun_us;                 /* its first HEARTBEAT */
+    int64_t heartbeat_us;             /* its last one; INT64_MIN: none */
+    int64_t until_us;                 /* no other system is the vehicle until then */
+    uint8_t kept;                     /* who was there first, or is expected: it may return */
+    bool kept_heard;                  /* it was the vehicle in our time, ... */
+    int64_t kept_us;                  /* ... until then */
+    int64_t kept_until_us;            /* one that wasn't heard is expected until then */
+    uint8_t ground_stations[256 / 8]; /* system ids that sent a ground station's HEARTBEAT */
+};
+
+enum vehicle_is { VEHICLE_ANOTHER, VEHICLE_KNOWN, VEHICLE_NEW };
+
+void vehicle_init(struct vehicle *vehicle);
+
+/* Of the last power-on, or before a restart of ours; system 0: nobody is expected. */
+void vehicle_expect(struct vehicle *vehicle, uint8_t system, bool armed, int64_t now_us);
+
+/*
+ * A HEARTBEAT of a system's autopilot (component 1, of a type that flies): is it the
+ * vehicle's? VEHICLE_NEW: from now on, and another one's, or nobody's, before.
+ */
+enum vehicle_is vehicle_heartbeat(struct vehicle *vehicle, uint8_t system, bool armed,
+                                  int64_t now_us);
+
+/* Its autopilot goes on under another system id. */
+void vehicle_rename(struct vehicle *vehicle, uint8_t system);
+
+/* A HEARTBEAT of a ground station; a system that has an autopilot is none any more. */
+void vehicle_heard_ground_station(struct vehicle *vehicle, uint8_t system);
+bool vehicle_is_ground_station(const struct vehicle *vehicle, uint8_t system);
+
+#endif
