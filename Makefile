@@ -155,6 +155,9 @@ keys:
 
 bundle: keys
 	@[ -e '$(SLOT)' ] || { echo 'bundle: there is no $(SLOT); make image BOARD=$(BOARD) makes it' >&2; exit 1; }
+	@inside=$$(PATH="$(abspath $(IMAGE_OUT))/host/bin:$$PATH" unsquashfs -cat '$(SLOT)' etc/odid/version) && \
+		[ "$$inside" = '$(IMAGE_VERSION)' ] || { echo "bundle: $(SLOT) is version $$inside, and this is" \
+		"$(IMAGE_VERSION): make image, else a stick would bring it again at each start" >&2; exit 1; }
 	@board/common/make-bundle.sh '$(SLOT)' '$(BOARD)' '$(IMAGE_VERSION)' '$(KEYS)' '$(BUNDLE)'
 	@echo '$(BUNDLE)'
 

@@ -239,7 +239,7 @@ def test_nobody_on_the_ground_speaks_as_the_vehicle(appliance, vehicle):
 
 def loaded(appliance):
     """What the firewall's script gives nft to load at once."""
-    appliance.write("usr/bin/nft", '#!/bin/sh\necho "nft $*" >>/calls\n[ "$2" != - ] || cat >/loaded\n')
+    appliance.write("usr/bin/nft", '#!/bin/sh\necho "nft $*" >>/calls\n[ "$2" != - ] || cat >>/loaded\n')
     appliance.must("/lib/odid/firewall")
     return appliance.read("loaded")
 
@@ -254,6 +254,12 @@ def test_the_ground_station_is_heard_by_its_own_way_only(appliance, address, dro
     rules = loaded(appliance)
     assert (rule in rules) == (rate in rules) == drops
     assert 'insert rule inet odid input ip daddr 192.168.41.0/24 iifname != { "lo", "wlan0" } counter drop' in rules
+
+
+def test_a_cable_fills_nobody_s_table_of_neighbours(appliance):
+    """1,024 invented senders were all that the kernel remembers, of the Wi-Fi's technician's interface, too."""
+    limit = 'iifname != { "lo", "wlan0" } arp operation request limit rate over 50/second burst 20 packets counter drop'
+    assert limit in loaded(appliance) and not appliance.fault("arp")
 
 
 def test_only_mavlink_router_speaks_to_another_program(appliance):
@@ -372,7 +378,7 @@ def test_a_usb_gadget_s_console_is_for_those_who_ask(appliance):
 def test_rules_of_other_layers_are_loaded_each_time(appliance):
     appliance.write("etc/nftables.d/camera.nft", "add rule\n")
     appliance.must("/lib/odid/firewall")
-    assert appliance.calls() == ["nft -f -", "nft -f /etc/nftables.d/camera.nft"]
+    assert appliance.calls() == ["nft -f -", "nft -f -", "nft -f /etc/nftables.d/camera.nft"]
     assert appliance.fault("firewall") is None
     appliance.write("usr/bin/nft", '#!/bin/sh\ncase $2 in *camera*) exit 1 ;; esac\n')
     appliance.must("/lib/odid/firewall")
@@ -566,6 +572,18 @@ def test_no_lease_takes_the_ground_station_away(appliance, ip, mask, station, in
     appliance.must(f"interface={interface} ip={ip} mask={mask} router= dns= /lib/odid/dhcp-event bound")
     assert (f"ip addr add {ip}/{mask} dev {interface}" in appliance.calls()) == taken
     assert ("has the ground station's address" in (appliance.fault(f"dhcp-{interface}") or "")) != taken
+
+
+def test_a_lease_at_the_ground_station_s_interface_brings_its_own_way(appliance):
+    """Any DHCP server by cable was the way out, and a ground station behind a modem was heard no more."""
+    appliance.settings(ground_station__address="203.0.113.9:14550", ground_station__interface="wwan0")
+    appliance.change("lib/odid/dhcp-event", ("ip addr", "/usr/bin/ip addr"), ("ip route", "/usr/bin/ip route"))
+    for number, interface in enumerate(("eth0", "wwan0"), 2):
+        appliance.write(f"sys/class/net/{interface}/ifindex", f"{number}\n")
+        appliance.write("calls", "")
+        appliance.must(f"interface={interface} ip=10.{number}.0.3 mask=24 router=10.{number}.0.1 dns= /lib/odid/dhcp-event bound")
+        own = f"ip route replace 203.0.113.9/32 via 10.{number}.0.1 dev {interface}"
+        assert (own in appliance.calls()) == (interface == "wwan0")
 
 
 @pytest.mark.parametrize("state", ["on", "off"])
@@ -972,6 +990,70 @@ def test_a_factory_reset_forgets_nothing_that_config_can_t_bring_back(appliance,
     assert appliance.exists("data/odid/factory-reset") == forgotten     # it is S40config's to take away
     assert forgotten or "channel = 99" in said
     assert ("There was no factory reset" in (appliance.fault("factory-reset") or "")) != forgotten
+
+
+# --- damage -------------------------------------------------------------------------
+
+
+@pytest.fixture
+def with_data(appliance):
+    """/data on a disk that is a file, with what mounts it played."""
+    appliance.write("dev/disk/odid/data", "\0" * 4096)
+    appliance.change("etc/init.d/S30data", ("[ ! -b ", "[ ! -e "), (". /lib/odid/functions", (
+        ". /lib/odid/functions; mount() { :; }; umount() { echo umount $* >>/calls; }; blockdev() { cat /getro; }; "
+        "read_only() { [ $1 = /data ] && [ -e /read-only ]; }")))
+    appliance.write("getro", "0\n")
+    appliance.write("etc/odid/odid.conf", "the image's\n")
+    for name, text in {"e2fsck": NOTES, "fsync": "#!/bin/sh\n[ ! -e /turns ] || { : >/read-only; exit 1; }\n"}.items():
+        appliance.write(f"usr/bin/{name}", text)
+        (appliance.root / f"usr/bin/{name}").chmod(0o755)
+    return appliance
+
+
+@pytest.mark.parametrize("lost", [None, ""])
+def test_a_configuration_that_data_lost_is_config_s_again(with_data, lost):
+    """It counted as taken over still, and who the aircraft is was gone though CONFIG had it."""
+    with_data.write("data/odid/odid.conf.imported", "0123456789abcdef\n")
+    if lost is not None:
+        with_data.write("data/odid/odid.conf", lost)
+    with_data.must("/etc/init.d/S30data")
+    assert with_data.read("data/odid/odid.conf") == "the image's\n" and not with_data.exists("data/odid/odid.conf.imported")
+
+
+@pytest.mark.parametrize("state, mended", [(1, False), (3, True), (2, True)])
+def test_damage_that_the_kernel_has_noted_is_mended_before_data_is_used(with_data, state, mended):
+    """It mounts all the same, and turned read-only at the first write, at each power-on."""
+    with_data.write("dev/disk/odid/data", "\0" * 1082 + chr(state) + "\0" * 3013)
+    with_data.must("/etc/init.d/S30data")
+    assert ("e2fsck -p /dev/disk/odid/data" in with_data.calls()) == mended
+    assert ("was damaged, and was repaired" in (with_data.fault("data") or "")) == mended
+
+
+def test_data_that_turns_read_only_at_the_first_write_is_a_broken_one(with_data):
+    """It was "full"."""
+    with_data.write("turns", "")
+    with_data.write("getro", "1\n")  # else it is mended in the background
+    with_data.must("/etc/init.d/S30data")
+    assert "umount /data" in with_data.calls() and "lost at power-off" in with_data.fault("data")
+
+
+@pytest.mark.parametrize("cut", ["odid.conf", "hawkbit-token"])
+def test_a_file_on_config_that_was_cut_short_is_put_aside(with_config, cut):
+    """Half a configuration was taken over, and a token that had become empty counted as emptied."""
+    with_config.change("etc/init.d/S40config", (". /lib/odid/functions", ". /lib/odid/functions; read_only() { [ ! -e /mended ]; }"))
+    with_config.write("usr/bin/fsck.fat", f"""#!/bin/sh
+: >/mended
+: >/run/config/{cut}
+printf '%s\n' 'fsck.fat 4.2' '/{cut}' '  File size is 5000 bytes, cluster chain length is 2048 bytes.' '  Truncating file to 2048 bytes.'
+""")
+    (with_config.root / "usr/bin/fsck.fat").chmod(0o755)
+    with_config.write("data/secrets/hawkbit-token", "a-secret\n")
+    for name in ("odid.conf", "hawkbit-token"):
+        with_config.write(f"run/config/{name}", "a-secret\n")
+    with_config.must("/etc/init.d/S40config")
+    assert with_config.exists(f"run/config/{cut}.cut-short") and not with_config.exists(f"run/config/{cut}")
+    assert with_config.read("data/secrets/hawkbit-token") == "a-secret\n"
+    assert f"put aside: {cut}. What was in force stays" in with_config.fault("config")
 
 
 # --- services -----------------------------------------------------------------------

@@ -13,8 +13,10 @@
 /* So much slower than it was asked for is as often as needed. */
 #define SLOWER(interval_us) ((interval_us)*13 / 10)
 #define MISSED 3
-#define VITAL 2 /* the first ones of those that are needed */
+#define VITAL 3 /* the first ones of those that are needed */
 #define REFUSALS 2
+/* What begins so long after it was asked for was asked for in vain, and begins by itself. */
+#define DONE_US 1500000
 /* So many questions without any answer: nobody hears them. */
 #define UNHEARD 10
 
@@ -22,6 +24,7 @@ static const struct {
     enum telemetry_kind kind;
     struct asking_request request;
 } needed[ASKING_MESSAGES] = {
+    {TELEMETRY_HEARTBEAT, {MAVLINK_MSG_ID_HEARTBEAT, 1000000}},
     {TELEMETRY_GPS_RAW, {MAVLINK_MSG_ID_GPS_RAW_INT, 1000000}}, /* no position counts without */
     {TELEMETRY_GLOBAL_POSITION, {MAVLINK_MSG_ID_GLOBAL_POSITION_INT, 200000}},
     {TELEMETRY_SYSTEM_TIME, {MAVLINK_MSG_ID_SYSTEM_TIME, 1000000}},
@@ -80,6 +83,12 @@ static void measure(struct asking_message *message, int64_t now_us)
     message->heard_us = now_us;
 }
 
+/* As often as needed, as far as is known. */
+static bool is_often(const struct asking_message *message, const struct asking_request *request)
+{
+    return message->mean_us <= SLOWER((int64_t)request->interval_us);
+}
+
 void asking_heard(struct asking *asking, const struct telemetry_update *update, int64_t now_us)
 {
     if (update->kind == TELEMETRY_COMMAND_ACK) {
@@ -91,10 +100,12 @@ void asking_heard(struct asking *asking, const struct telemetry_update *update, 
         struct asking_message *message = &asking->message[i];
 
         if (needed[i].kind == update->kind) {
+            message->done =
+                message->asked_for && (message->done || now_us - message->asked_us <= DONE_US);
             measure(message, now_us);
-            /* It is obeyed, so whoever switches it off again is answered as soon as it is missed.
-             */
-            if (i < VITAL && message->asked_for) {
+            /* It is obeyed, so whoever switches it off again, or makes it slower, is answered as
+             * soon as it is missed. */
+            if (i < VITAL && message->asked_for && is_often(message, &needed[i].request)) {
                 message->from_us = now_us + MISSED * (int64_t)needed[i].request.interval_us;
                 message->wait_us = AGAIN_US;
             }
@@ -105,7 +116,7 @@ void asking_heard(struct asking *asking, const struct telemetry_update *update, 
 static bool comes(const struct asking_message *message, const struct asking_request *request,
                   int64_t now_us)
 {
-    return message->mean_us != 0 && message->mean_us <= SLOWER((int64_t)request->interval_us) &&
+    return message->mean_us != 0 && is_often(message, request) &&
            now_us - message->heard_us <= MISSED * (int64_t)request->interval_us;
 }
 
@@ -119,7 +130,7 @@ bool asking_next(struct asking *asking, int64_t now_us, struct asking_request *r
         struct asking_message *message = &asking->message[i];
 
         if (comes(message, &needed[i].request, now_us)) {
-            asking->heard = asking->heard || message->asked_for; /* done is answered */
+            asking->heard = asking->heard || message->done; /* that is an answer */
             message->wait_us = AGAIN_US;
         } else if (!is_given_up(asking, (unsigned)i) && now_us >= message->from_us &&
                    asking->asked < 0) {
@@ -128,6 +139,8 @@ bool asking_next(struct asking *asking, int64_t now_us, struct asking_request *r
             asking->asked_us = now_us;
             asking->questions++;
             message->asked_for = true;
+            message->asked_us = now_us;
+            message->done = false;
             message->from_us = now_us + message->wait_us;
             message->wait_us *= message->wait_us < longest_wait_us((unsigned)i) ? 2 : 1;
             message->heard_us = INT64_MIN; /* measured anew */

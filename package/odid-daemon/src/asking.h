@@ -8,8 +8,8 @@
  * Pure. One message at a time, so that an answer is that one's. What was
  * refused twice isn't asked for again before the autopilot restarts; what is
  * ignored is asked for more and more seldom, down to once in 48 s, and again
- * within 5 s when it came and stops. GPS_RAW_INT and GLOBAL_POSITION_INT, no
- * position without, are asked for once in 6 s at least, whatever is answered.
+ * within 5 s when it came and stops. HEARTBEAT, GPS_RAW_INT and GLOBAL_POSITION_INT,
+ * without which there is no position, are asked for once in 6 s at least, whatever is answered.
  */
 #ifndef ODID_ASKING_H
 #define ODID_ASKING_H
@@ -19,13 +19,15 @@
 
 #include "telemetry.h"
 
-#define ASKING_MESSAGES 5
+#define ASKING_MESSAGES 6
 
 struct asking_message {
     int64_t heard_us, mean_us; /* the last one, INT64_MIN: none; the mean interval, 0: not known */
     int64_t from_us, wait_us;  /* not asked for before; and not again for so long */
+    int64_t asked_us;          /* last, where asked_for */
     unsigned refusals;
     bool asked_for;
+    bool done; /* and it began right after that */
 };
 
 struct asking {

@@ -166,7 +166,7 @@ int kept_counters_open(const char *run_dir, struct kept_counters *counters)
     int fd;
 
     memset(counters, 0, sizeof(*counters));
-    snprintf(path, sizeof(path), "%s/counters", run_dir);
+    snprintf(path, sizeof(path), "%s/" KEPT_COUNTERS_FILE, run_dir);
     fd = open(path, O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0644);
     if (fd < 0) {
         return -errno;

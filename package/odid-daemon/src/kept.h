@@ -26,6 +26,7 @@
 #include "messages.h"
 
 #define KEPT_FILE "kept"
+#define KEPT_COUNTERS_FILE "counters"
 
 enum kept_armed { KEPT_UNHEARD, KEPT_DISARMED, KEPT_ARMED };
 

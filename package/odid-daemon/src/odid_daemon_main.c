@@ -6,7 +6,6 @@
  * and status and pilot listen to all of them.
  */
 #include <errno.h>
-#include <pwd.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -29,6 +28,7 @@
 #include "pilot.h"
 #include "radio.h"
 #include "rfkill.h"
+#include "run_dir.h"
 #include "sandbox.h"
 #include "status.h"
 #include "telemetry.h"
@@ -158,7 +158,8 @@ static void ask(const struct aircraft_condition *condition, uint8_t vehicle, int
         telemetry_restarted(self.telemetry);
         asking_begin(&self.asking, now_us);
     }
-    if (config()->request_rate && condition->heartbeat_fresh &&
+    /* Not while it is silent: it may be in its boot loader. */
+    if (config()->request_rate && telemetry_vehicle_speaks(self.telemetry, now_us) &&
         asking_next(&self.asking, now_us, &request)) {
         pilot_ask_rate(&self.pilot, vehicle, request.message_id, request.interval_us);
     }
@@ -202,12 +203,15 @@ static void keep(uint8_t vehicle, const struct aircraft_condition *condition)
 static void restore(int64_t now_us)
 {
     uint8_t vehicle;
+    bool believed;
 
     if (kept_read(config()->run_dir, &self.kept) == -ENOENT) {
         write_kept();
     }
     vehicle = self.kept.vehicle != 0 ? self.kept.vehicle : self.options.expected_vehicle;
-    telemetry_expect(self.telemetry, vehicle, self.kept.armed == KEPT_ARMED, now_us);
+    /* What a daemon that was taken over has written there would keep the one that flies away. */
+    believed = self.options.expected_vehicle == 0 || self.options.expected_vehicle == vehicle;
+    telemetry_expect(self.telemetry, vehicle, believed && self.kept.armed == KEPT_ARMED, now_us);
     aircraft_restore_armed(self.aircraft, self.kept.armed == KEPT_ARMED);
     aircraft_restore_takeoff(self.aircraft, &self.kept.takeoff);
     if (self.kept.vehicle != 0) {
@@ -269,17 +273,6 @@ static void on_signal(void *context, uint32_t events, int64_t now_us)
     }
 }
 
-/* On the appliance a boot script makes it; elsewhere we do, while we may. */
-static void make_run_dir(void)
-{
-    const struct passwd *user = getpwnam(config()->user);
-
-    if (mkdir(config()->run_dir, 0755) == 0 && user != NULL &&
-        chown(config()->run_dir, user->pw_uid, user->pw_gid) == 0) {
-        log_info("made %s", config()->run_dir);
-    }
-}
-
 static void start_modules(int64_t now_us)
 {
     self.start_us = self.look_us = now_us;
@@ -315,7 +308,7 @@ static int run(void)
     if (result < 0) {
         log_warning("no real-time priority (%s): slots may be late under load", strerror(-result));
     }
-    make_run_dir();
+    run_dir_prepare(config()->run_dir, config()->user, self.options.appliance);
     alive_open();
     if (sandbox_enter(config()->user, self.options.seccomp_log) < 0) {
         return EXIT_FAILURE;

@@ -31,8 +31,11 @@ struct import {
     const char *name; /* of the file that is being read */
     bool refused;     /* something was not taken over */
     bool unwritten;   /* the volume did not take what was to be written to it */
-    char fault[512];  /* the first of what went wrong */
+    unsigned key_problems;
+    char fault[512]; /* the first of what went wrong */
 };
+
+#define KEY_PROBLEMS_TOLD 20
 
 /* ---- saying ---- */
 
@@ -80,10 +83,14 @@ static void on_sentence(void *context, enum config_severity severity, const char
     }
 }
 
+/* A file of nothing else would fill the log, and the report with it. */
 static void on_key_problem(void *context, unsigned line, const char *sentence)
 {
     struct import *self = context;
 
+    if (++self->key_problems > KEY_PROBLEMS_TOLD) {
+        return;
+    }
     refuse(self, "%s line %u: %s", self->name, line, sentence);
 }
 
@@ -312,6 +319,9 @@ static unsigned judge_keys(struct import *self, char *text, size_t *length)
         return 0;
     }
     found = authorized_keys_read(text, length, on_key_problem, self);
+    if (self->key_problems > KEY_PROBLEMS_TOLD) {
+        refuse(self, "%s: and %u lines more", self->name, self->key_problems - KEY_PROBLEMS_TOLD);
+    }
     if (found.keys + found.comments + found.errors == 0) {
         refuse(self, "%s holds no key; to close SSH, write a comment into it (# none)", self->name);
     } else if (found.keys == 0 && found.errors == 0) {

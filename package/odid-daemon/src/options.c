@@ -119,7 +119,7 @@ bool options_read(struct options *options, int argc, char *const argv[])
             options->seccomp_log = true;
             break;
         case FLAG_APPLIANCE:
-            appliance = true;
+            appliance = options->appliance = true;
             break;
         case FLAG_VEHICLE:
             if (!read_system_id(optarg, &options->expected_vehicle)) {

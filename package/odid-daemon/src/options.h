@@ -17,6 +17,7 @@ struct options {
     bool check;               /* validate and exit */
     bool version;             /* print and exit */
     bool seccomp_log;         /* the filter only logs */
+    bool appliance;           /* some places are the image's, and the run directory nobody else's */
     uint8_t expected_vehicle; /* MAVLink system id that was the vehicle's at the last power-on; 0:
                                  none */
     unsigned errors, warnings;

@@ -17,12 +17,12 @@ static int64_t made_us(struct json_object *status, int64_t now_us)
     return at_us > now_us || now_us - at_us > OLDEST_US ? now_us : at_us;
 }
 
-/* When something was that is an age in the status; INT64_MIN for never. */
+/* When something was that is an age in the status, and not in the future; INT64_MIN for never. */
 static int64_t instant(struct json_object *object, const char *path, int64_t now_us)
 {
     int64_t age_us = recorder_json_us(object, path, INT64_MIN);
 
-    return age_us == INT64_MIN ? INT64_MIN : now_us - age_us;
+    return age_us == INT64_MIN ? INT64_MIN : now_us - (age_us > 0 ? age_us : 0);
 }
 
 static void take_channel(struct recorder_channel_status *out, struct json_object *channel,

@@ -216,6 +216,8 @@ static const int never[] = {
     SCMP_SYS(symlinkat),
     SCMP_SYS(mknod),
     SCMP_SYS(mknodat),
+    SCMP_SYS(mkdir),
+    SCMP_SYS(mkdirat),
     /* the clock, the machine's name */
     SCMP_SYS(settimeofday),
     SCMP_SYS(clock_settime),

@@ -10,16 +10,24 @@
 #include "telemetry_plain.h"
 #include "vehicle.h"
 
-/* An autopilot that is given another system id in flight goes on with its numbers and its clock; it
- * takes its own place once the old id has been silent for so long. */
+/*
+ * An autopilot that is given another system id in flight goes on with its numbers and its clock; it
+ * takes its own place once the old id has been silent for so long. Where frames were lost just
+ * then, its clock alone tells, so many times in a row.
+ */
 #define RENAMED_US 3000000
 #define RENAMED_LOST_MAX 8
+#define RENAMED_CLOCK_ALONE 5
+/* Whoever is taken for it, and is silent for so long, isn't. */
+#define RENAMED_SILENT_US 1500000
 
 /* Another system, whose autopilot goes on where the vehicle's ended. */
 struct renamed {
     uint8_t system; /* 0: none */
     uint8_t sequence;
-    bool same_clock;
+    int64_t heard_us;
+    bool same_numbers; /* from the vehicle's last frame on */
+    unsigned same_clock;
 };
 
 struct telemetry {
@@ -167,47 +175,63 @@ static void take_odid(struct telemetry *telemetry, const mavlink_message_t *mess
 /* The same autopilot under another number: what was learnt of it stands. */
 static bool is_renamed(const struct telemetry *telemetry, uint8_t system_id, int64_t now_us)
 {
-    return telemetry->renamed.system == system_id && telemetry->renamed.same_clock &&
+    const struct renamed *renamed = &telemetry->renamed;
+
+    return renamed->system == system_id &&
+           renamed->same_clock >= (renamed->same_numbers ? 1 : RENAMED_CLOCK_ALONE) &&
            now_us - telemetry->latest_us >= RENAMED_US;
 }
 
-static bool goes_on_by_clock(const struct telemetry *telemetry, const mavlink_message_t *message,
-                             int64_t now_us)
+enum clock_is { CLOCK_UNTOLD, CLOCK_SAME, CLOCK_ANOTHER };
+
+static enum clock_is told_clock(const struct telemetry *telemetry, const mavlink_message_t *message,
+                                int64_t now_us)
 {
     struct telemetry_update update;
+    uint32_t boot_ms;
 
     if (!telemetry_plain_read(message, &update)) {
-        return false;
+        return CLOCK_UNTOLD;
     }
-    return (update.kind == TELEMETRY_GLOBAL_POSITION &&
-            belief_clock_goes_on(&telemetry->belief, update.global_position.boot_ms, now_us)) ||
-           (update.kind == TELEMETRY_SYSTEM_TIME &&
-            belief_clock_goes_on(&telemetry->belief, update.system_time.boot_ms, now_us));
+    if (update.kind == TELEMETRY_GLOBAL_POSITION) {
+        boot_ms = update.global_position.boot_ms;
+    } else if (update.kind == TELEMETRY_SYSTEM_TIME) {
+        boot_ms = update.system_time.boot_ms;
+    } else {
+        return CLOCK_UNTOLD;
+    }
+    return belief_clock_goes_on(&telemetry->belief, boot_ms, now_us) ? CLOCK_SAME : CLOCK_ANOTHER;
 }
 
-/* A frame of another system's autopilot: is it the vehicle's next one? */
+/* A frame of another system's autopilot: is it the vehicle's next one? Its id may be changed more
+ * than once: then each goes on where the one before it ended. */
 static void watch_renamed(struct telemetry *telemetry, unsigned stream,
                           const mavlink_message_t *message, int64_t now_us)
 {
     struct renamed *renamed = &telemetry->renamed;
-    bool first = renamed->system != message->sysid;
-    uint8_t step = (uint8_t)(message->seq - (first ? telemetry->latest.seq : renamed->sequence));
+    bool alive = renamed->system != 0 && now_us - renamed->heard_us < RENAMED_SILENT_US;
+    bool known = alive && renamed->system == message->sysid;
+    bool recent = alive ? renamed->same_numbers : now_us - telemetry->latest_us < RENAMED_US;
+    uint8_t step = (uint8_t)(message->seq - (alive ? renamed->sequence : telemetry->latest.seq));
+    bool follows = recent && step >= 1 && step <= RENAMED_LOST_MAX;
+    enum clock_is clock = told_clock(telemetry, message, now_us);
 
     if (telemetry->vehicle_stream != (int)stream ||
         telemetry->latest.sysid != telemetry->vehicle.system) {
         return;
     }
-    if (step == 0 || step > RENAMED_LOST_MAX) {
-        renamed->system = first ? renamed->system : 0;
+    if (!known && !follows && (alive || clock != CLOCK_SAME)) {
+        return; /* beside one that does, or a neighbour */
+    }
+    if (clock == CLOCK_ANOTHER) {
+        renamed->system = known ? 0 : renamed->system;
         return;
     }
-    if (first && (renamed->system != 0 || now_us - telemetry->latest_us >= RENAMED_US)) {
-        return; /* long after its end, or beside one that does */
-    }
-    renamed->same_clock =
-        (!first && renamed->same_clock) || goes_on_by_clock(telemetry, message, now_us);
+    renamed->same_clock = (alive ? renamed->same_clock : 0) + (clock == CLOCK_SAME);
+    renamed->same_numbers = follows;
     renamed->system = message->sysid;
     renamed->sequence = message->seq;
+    renamed->heard_us = now_us;
 }
 
 static void rename_vehicle(struct telemetry *telemetry, uint8_t system_id)
@@ -349,6 +373,12 @@ void telemetry_reset_stream(struct telemetry *telemetry, unsigned stream)
 uint8_t telemetry_vehicle(const struct telemetry *telemetry)
 {
     return telemetry->vehicle.system;
+}
+
+bool telemetry_vehicle_speaks(const struct telemetry *telemetry, int64_t now_us)
+{
+    return from_autopilot(telemetry, &telemetry->latest) &&
+           now_us - telemetry->latest_us < AIRCRAFT_FRESH_US;
 }
 
 bool telemetry_vehicle_signs(const struct telemetry *telemetry)

@@ -160,6 +160,8 @@ void telemetry_reset_stream(struct telemetry *telemetry, unsigned stream);
  * Returns its system id, 0 while none is known.
  */
 uint8_t telemetry_vehicle(const struct telemetry *telemetry);
+/* Has anything come of it within 3 s, if only something that nobody needs? */
+bool telemetry_vehicle_speaks(const struct telemetry *telemetry, int64_t now_us);
 /* Was its autopilot's last frame signed (MAVLink 2)? */
 bool telemetry_vehicle_signs(const struct telemetry *telemetry);
 /* The stream on which the vehicle was heard last; -1 while none is known. */

@@ -32,6 +32,14 @@ static bool prevents_downgrade(void)
     return config.update_prevent_downgrade;
 }
 
+/* Of what is rolled back a mark is kept, else a stick would bring it again and again. A disk that
+ * has turned read-only may not have said so yet: it is tried. */
+static bool remembers(void)
+{
+    return access(FAULTS "/data", F_OK) < 0 &&
+           whole_file_replace(DATA "/odid/.remembers", "", 0, 0600) == 0;
+}
+
 static void fill_offer(struct update_offer *offer, const struct update_bundle *bundle,
                        const struct update_question *question)
 {
@@ -59,7 +67,7 @@ static void fill_offer(struct update_offer *offer, const struct update_bundle *b
         .armed = (ran && kept.armed == KEPT_ARMED) || odidctl_says_armed(status) ? UPDATE_ARMED
                  : status == NULL || !ran ? UPDATE_ARMED_UNKNOWN
                                           : UPDATE_DISARMED,
-        .remembers = access(FAULTS "/data", F_OK) < 0,
+        .remembers = remembers(),
     };
     json_object_put(status);
 }

@@ -13,19 +13,20 @@
 
 #define MS INT64_C(1000)
 #define SECOND INT64_C(1000000)
-#define MESSAGES 5
+#define MESSAGES 6
 #define ALL (MESSAGES + 1)
-#define VITAL 2 /* the first of them: without these there is no position */
+#define VITAL 3 /* the first of them: without these there is no position */
 
 static const struct {
     uint16_t id;
     enum telemetry_kind kind;
     uint32_t interval_us;
 } message[MESSAGES] = {
-    {24, TELEMETRY_GPS_RAW, 1000000},    {33, TELEMETRY_GLOBAL_POSITION, 200000},
-    {2, TELEMETRY_SYSTEM_TIME, 1000000}, {245, TELEMETRY_LANDED_STATE, 1000000},
-    {242, TELEMETRY_HOME, 1000000},
+    {0, TELEMETRY_HEARTBEAT, 1000000},       {24, TELEMETRY_GPS_RAW, 1000000},
+    {33, TELEMETRY_GLOBAL_POSITION, 200000}, {2, TELEMETRY_SYSTEM_TIME, 1000000},
+    {245, TELEMETRY_LANDED_STATE, 1000000},  {242, TELEMETRY_HOME, 1000000},
 };
+enum { HEARTBEAT, GPS_RAW, POSITION, SYSTEM_TIME, LANDED_STATE, HOME };
 
 static struct asking asking;
 static int64_t now_us;
@@ -134,12 +135,12 @@ static void what_is_switched_off_all_the_time_is_asked_for_each_time(void **stat
     (void)state;
     pass(10);
     for (unsigned i = 0; i < 120; i++) {
-        sends_us[1] = 0;
+        sends_us[POSITION] = 0;
         pass(0.5);
-        came += sends_us[1] != 0;
+        came += sends_us[POSITION] != 0;
     }
     assert_true(came >= 40);
-    assert_true(asked[1] <= 130); /* and the autopilot isn't flooded by it */
+    assert_true(asked[POSITION] <= 130); /* and the autopilot isn't flooded by it */
 }
 
 static void what_comes_is_not_asked_for(void **state)
@@ -160,6 +161,21 @@ static void what_comes_too_seldom_is_asked_for(void **state)
     }
     pass(10);
     expect_asked(ALL, 1);
+}
+
+/* Mission Planner's position stream has 2 Hz; with each that came the next question moved on. */
+static void what_is_set_slower_is_asked_for_again(void **state)
+{
+    (void)state;
+    pass(30);
+    expect_asked(ALL, 1);
+    for (unsigned round = 2; round < 10; round++) {
+        sends_us[POSITION] = 500000;
+        sends_us[GPS_RAW] = 2500000;
+        pass(20);
+        assert_int_equal(asked[POSITION], round);
+        assert_int_equal(asked[GPS_RAW], round);
+    }
 }
 
 /* Another station's REQUEST_DATA_STREAM. */
@@ -183,34 +199,39 @@ static void a_refusal_is_remembered_until_the_autopilot_restarts(void **state)
 {
     (void)state;
     for (unsigned i = 0; i < MESSAGES; i++) {
-        when_asked[i] = i == 3 ? REFUSES : OBEYS;
+        when_asked[i] = i == LANDED_STATE ? REFUSES : OBEYS;
     }
     pass(600);
     for (unsigned i = 0; i < MESSAGES; i++) {
-        assert_int_equal(asked[i], i == 3 ? 2 : 1);
+        assert_int_equal(asked[i], i == LANDED_STATE ? 2 : 1);
     }
     assert_true(refused(245));
     assert_false(refused(24));
     asking_begin(&asking, now_us);
     assert_false(refused(245));
     pass(20);
-    expect_asked(3, 4);
-    expect_asked(0, 1); /* it still comes */
+    expect_asked(LANDED_STATE, 4);
+    expect_asked(GPS_RAW, 1); /* it still comes */
 }
 
 /* An answer that was another station's, or to the question before. */
 static void what_a_position_needs_is_never_given_up(void **state)
 {
     (void)state;
-    when_asked[0] = when_asked[1] = REFUSES;
+    for (unsigned i = 0; i < VITAL; i++) {
+        when_asked[i] = REFUSES;
+    }
     pass(600);
-    assert_true(asked[0] > 10 && asked[1] > 10);
+    for (unsigned i = 0; i < VITAL; i++) {
+        assert_true(asked[i] > 10);
+        when_asked[i] = OBEYS;
+    }
     assert_true(refused(24));
-    when_asked[0] = when_asked[1] = OBEYS;
     pass(60);
     assert_false(refused(24));
-    assert_int_equal(sends_us[0], 1000000);
-    assert_int_equal(sends_us[1], 200000);
+    for (unsigned i = 0; i < VITAL; i++) {
+        assert_int_equal(sends_us[i], message[i].interval_us);
+    }
 }
 
 static void who_never_answers_is_asked_more_and_more_seldom(void **state)
@@ -235,14 +256,20 @@ static void an_autopilot_that_hears_nothing_is_found_out(void **state)
     (void)state;
     for (unsigned i = 0; i < MESSAGES; i++) {
         when_asked[i] = IGNORES;
-        sends_us[i] = i < 3 ? message[i].interval_us : 0;
+        sends_us[i] = i <= SYSTEM_TIME && i != POSITION ? message[i].interval_us : 0;
     }
     pass(10);
     assert_false(asking_unheard(&asking));
     pass(120);
     assert_true(asking_unheard(&asking));
-    sends_us[3] = message[3].interval_us; /* it did what it was asked for */
-    pass(10);
+    while (now_us - asked_us[POSITION] != 2 * SECOND) {
+        pass(0.05);
+    }
+    sends_us[POSITION] = message[POSITION].interval_us; /* by itself: it has its first fix */
+    pass(100);
+    assert_true(asking_unheard(&asking));
+    when_asked[LANDED_STATE] = OBEYS;
+    pass(60);
     assert_false(asking_unheard(&asking));
 }
 
@@ -261,24 +288,21 @@ static void the_answer_to_another_command_says_nothing(void **state)
     struct asking_request request;
 
     (void)state;
-    for (unsigned i = 0; i < 2; i++) {
-        sends_us[i] = message[i].interval_us;
-    }
     now_us += 3 * SECOND;
     for (unsigned i = 0; i < 20; i++) {
-        struct telemetry_update update = {.kind = message[i % 2].kind};
+        struct telemetry_update update = {.kind = message[i % VITAL].kind};
 
         asking_heard(&asking, &update, now_us);
-        now_us += 100 * MS;
+        now_us += 60 * MS;
     }
     assert_true(asking_next(&asking, now_us, &request));
     assert_int_equal(request.message_id, 2);
     answer(MAV_RESULT_DENIED, MAV_CMD_SET_MESSAGE_INTERVAL);
     now_us += 4 * SECOND;
-    for (request.message_id = 0; request.message_id != 2; now_us += 2 * SECOND) {
+    for (request.message_id = 0; request.message_id != 2; now_us += SECOND) {
         assert_true(asking_next(&asking, now_us, &request));
     }
-    now_us -= 2 * SECOND;
+    now_us -= SECOND;
     answer(MAV_RESULT_DENIED, MAV_CMD_COMPONENT_ARM_DISARM);
     assert_false(refused(request.message_id));
     assert_false(asking_next(&asking, now_us, &request)); /* its answer is still waited for */
@@ -295,6 +319,7 @@ int main(void)
         cmocka_unit_test_setup(what_is_switched_off_all_the_time_is_asked_for_each_time, setup),
         cmocka_unit_test_setup(what_comes_is_not_asked_for, setup),
         cmocka_unit_test_setup(what_comes_too_seldom_is_asked_for, setup),
+        cmocka_unit_test_setup(what_is_set_slower_is_asked_for_again, setup),
         cmocka_unit_test_setup(what_was_switched_off_is_asked_for_again_within_5_s, setup),
         cmocka_unit_test_setup(a_refusal_is_remembered_until_the_autopilot_restarts, setup),
         cmocka_unit_test_setup(what_a_position_needs_is_never_given_up, setup),

@@ -376,6 +376,22 @@ static void keys_are_taken_over(void **state)
     expect_file("data/ssh/authorized_keys", "");
 }
 
+/* 64 KiB of them were 4 MB of report, at each power-on. */
+static void of_many_wrong_lines_some_are_told(void **state)
+{
+    char text[4000] = "";
+
+    (void)state;
+    for (unsigned i = 0; i < 500; i++) {
+        strcat(text, "hello\n");
+    }
+    put("volume/authorized_keys.txt", text);
+    assert_int_equal(CALL("import", "volume"), 1);
+    shell("grep -q 'line 20: ' volume/odid-report.txt");
+    shell("! grep -q 'line 21: ' volume/odid-report.txt");
+    shell("grep -q 'authorized_keys.txt: and 480 lines more' volume/odid-report.txt");
+}
+
 static void wrong_keys_are_refused(void **state)
 {
     static const struct {
@@ -543,6 +559,7 @@ int main(void)
         TEST(a_refused_file_keeps_its_password),
         TEST(keys_are_taken_over),
         TEST(wrong_keys_are_refused),
+        TEST(of_many_wrong_lines_some_are_told),
         TEST(a_full_volume),
         TEST(a_read_only_volume),
         TEST(a_full_data),

@@ -116,6 +116,22 @@ static void a_link_without_heartbeat_is_none(void **state)
     assert_false(snapshot.identity);
 }
 
+/* A daemon that was taken over said once that it will be on the air in eleven days, and no silence
+ * counted until then. */
+static void nothing_was_in_the_future(void **state)
+{
+    static const char text[] = "{\"channels\":{\"bt4\":{\"state\":\"on air\",\"required\":true,"
+                               "\"confirmed_s\":-1000000,\"unbroken_s\":-1000000}}}";
+    struct json_object *status = recorder_json_parse(text, strlen(text));
+
+    (void)state;
+    memset(&snapshot, 0, sizeof(snapshot));
+    recorder_snapshot(&snapshot, status, NOW);
+    assert_true(snapshot.channels[CHANNEL_BT4].confirmed_us == NOW);
+    assert_true(snapshot.channels[CHANNEL_BT4].unbroken_us == NOW);
+    json_object_put(status);
+}
+
 static void something_else(void **state)
 {
     static const char *const texts[] = {
@@ -205,9 +221,13 @@ static void asking_the_daemon(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        TEST(all_is_well),     TEST(an_answer_of_a_moment_ago_tells_of_that_moment),
-        TEST(nothing_is_well), TEST(a_link_without_heartbeat_is_none),
-        TEST(something_else),  TEST(asking_the_daemon),
+        TEST(all_is_well),
+        TEST(an_answer_of_a_moment_ago_tells_of_that_moment),
+        TEST(nothing_is_well),
+        TEST(a_link_without_heartbeat_is_none),
+        TEST(nothing_was_in_the_future),
+        TEST(something_else),
+        TEST(asking_the_daemon),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

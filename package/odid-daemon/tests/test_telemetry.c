@@ -491,8 +491,41 @@ static void an_autopilot_with_another_number_is_the_same(void **state)
     assert_false(telemetry_contradicted(telemetry, now_us));
 }
 
-/* A neighbour, heard by the same radio: other numbers, or another clock; or the vehicle speaks on.
- */
+/* Where frames were lost just then, or a neighbour's came between, its clock tells; and its id may
+ * be changed once more. Before, the vehicle was lost until power-off. */
+static void it_is_the_same_whatever_happens_meanwhile(void **state)
+{
+    mavlink_global_position_int_t elsewhere = {
+        .lat = 577089000, .lon = 119746000, .time_boot_ms = 7000};
+
+    (void)state;
+    for (unsigned how = 0; how < 3; how++) {
+        setup(state);
+        for (unsigned i = 0; i < 25; i++) {
+            now_us += SECOND / 5;
+            feed(autopilot_heartbeat(VEHICLE));
+            feed(some_position(VEHICLE, AUTOPILOT));
+        }
+        if (how == 0) {
+            frames_are_another_senders();
+        }
+        for (unsigned i = 0; i < 40; i++) {
+            uint8_t system = how == 2 && i < 5 ? OTHER_VEHICLE + 1 : OTHER_VEHICLE;
+
+            if (how == 1 && i == 0) {
+                feed(frame_global_position_int(99, AUTOPILOT, &elsewhere));
+            }
+            now_us += SECOND / 5;
+            feed(autopilot_heartbeat(system));
+            feed(some_position(system, AUTOPILOT));
+        }
+        assert_int_equal(telemetry_vehicle(telemetry), OTHER_VEHICLE);
+        assert_false(telemetry_contradicted(telemetry, now_us));
+    }
+}
+
+/* A neighbour, heard by the same radio, has another clock, whatever its numbers; or the vehicle
+ * speaks on. */
 static void a_neighbour_is_not_the_same_under_another_number(void **state)
 {
     mavlink_global_position_int_t position = {
@@ -516,8 +549,8 @@ static void a_neighbour_is_not_the_same_under_another_number(void **state)
                 feed(autopilot_heartbeat(VEHICLE));
             }
             feed(autopilot_heartbeat(OTHER_VEHICLE));
-            feed(how == 1 ? frame_global_position_int(OTHER_VEHICLE, AUTOPILOT, &position)
-                          : some_position(OTHER_VEHICLE, AUTOPILOT));
+            feed(how < 2 ? frame_global_position_int(OTHER_VEHICLE, AUTOPILOT, &position)
+                         : some_position(OTHER_VEHICLE, AUTOPILOT));
         }
         assert_int_equal(telemetry_vehicle(telemetry), VEHICLE);
     }
@@ -642,6 +675,7 @@ int main(void)
         cmocka_unit_test_setup(a_stray_voice_holds_nobody_off, setup),
         cmocka_unit_test_setup(in_flight_no_other_vehicle_takes_its_place, setup),
         cmocka_unit_test_setup(an_autopilot_with_another_number_is_the_same, setup),
+        cmocka_unit_test_setup(it_is_the_same_whatever_happens_meanwhile, setup),
         cmocka_unit_test_setup(a_neighbour_is_not_the_same_under_another_number, setup),
         cmocka_unit_test_setup(one_that_flies_takes_no_place_at_all, setup),
         cmocka_unit_test_setup(the_first_vehicle_has_its_place_back_when_it_returns, setup),
