@@ -46,6 +46,7 @@ class Flight:
         self.autopilot = Autopilot(self.world, self._connect, flight, folder / "played.jsonl")
         self.channels = ("bt4", "bt5", "wifi") if mode == "full" else ("bt4", "wifi")
         self.kept, self.windows = kept, []  # windows: what was done to it
+        self.daemon_words = ()  # beside its configuration, where a keeper starts it
         self._config = self._write_config()
         self.technician = Technician(self.world, self.world.root / "run/odid/status.sock", START_US + FIRST_ASKED_US)
         self.costs_at_first = None  # the daemon's: process, descriptors, KiB
@@ -85,7 +86,7 @@ class Flight:
         root, run_dir = self.world.root, self.world.root / "run/odid"
         (root / "run/faults").mkdir(exist_ok=True)
         if name == "odid-keeper":
-            self._start(name, "-faults", root / "run/faults", "--", parts.DAEMON, "-config", self._config)
+            self._start(name, "-faults", root / "run/faults", "--", parts.DAEMON, "-config", self._config, *self.daemon_words)
         elif name == "odid-recorder":
             self._start(name, "-root", root, "-run-dir", run_dir, "-dir", self.flights)
         else:

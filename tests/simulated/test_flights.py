@@ -159,6 +159,19 @@ def test_armed_is_written_down_as_soon_as_it_can_be(make_flight):
     assert (flight.folder / "odid-daemon.log").read_text().count("can't keep") == 1
 
 
+def test_what_a_daemon_that_was_taken_over_has_kept_holds_nobody_off(make_flight):
+    """It waited for an armed vehicle that there isn't, and the one that flew had no position until power-off."""
+    flight = make_flight(kept=True)
+    flight.daemon_words = ("-expect-vehicle", "1")  # as root's file has it
+    flight.at(AT_S, (flight.world.root / "run/odid/kept").write_text, "vehicle 250\narmed yes\narmed-once yes\nfix yes\n")
+    flight.at(AT_S, flight.kill_service, "odid-keeper")
+    flight.fly(AT_S + 12)
+    for track in flight.judged().tracks:
+        said = {location.status for heard, location in track.of_type("location")
+                if heard.reception.mono - START_US / 1e6 > AT_S + 8}
+        assert said == {2}, track.channel
+
+
 # --- the flight record --------------------------------------------------------------------
 
 

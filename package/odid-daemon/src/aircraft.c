@@ -342,7 +342,7 @@ void aircraft_update(struct aircraft *aircraft, const struct telemetry_update *u
         aircraft_take_system(aircraft, update, now_us);
         break;
     case TELEMETRY_OPERATOR_ID:
-        aircraft_take_operator_id(aircraft, update);
+        aircraft_take_operator_id(aircraft, update, now_us);
         break;
     case TELEMETRY_COMMAND_ACK: /* asking.h's */
         break;

@@ -30,11 +30,35 @@ void aircraft_forget_speaker(struct aircraft *aircraft, enum aircraft_speaker sp
     aircraft->system[speaker].said_us = INT64_MIN;
     /* Until a SYSTEM says otherwise: who sends updates has an operator who moves. */
     aircraft->system[speaker].operator_location_type = MAV_ODID_OPERATOR_LOCATION_TYPE_LIVE_GNSS;
+    if (speaker == AIRCRAFT_SPEAKER_GROUND) {
+        for (enum aircraft_ground i = 0; i < AIRCRAFT_GROUNDS; i++) {
+            aircraft->ground[i].said_us = INT64_MIN;
+        }
+        aircraft->grounds_differ_us = INT64_MIN;
+    }
 }
 
 static bool still_said(int64_t said_us, int64_t now_us)
 {
     return said_us != INT64_MIN && now_us - said_us < AIRCRAFT_SPEAKER_KEPT_US;
+}
+
+/* Of several on the ground the one that spoke first, until it is silent: they would take turns, and
+ * the last word about an emergency would be anybody's. But whoever declares one is heard. */
+static bool is_heard(struct aircraft *aircraft, enum aircraft_ground what,
+                     const struct telemetry_update *update, bool urgent, int64_t now_us)
+{
+    struct aircraft_ground_speaker *ground = &aircraft->ground[what];
+
+    if (!update->by_another) {
+        return true;
+    }
+    if (ground->speaker != update->speaker && !urgent && still_said(ground->said_us, now_us)) {
+        return false;
+    }
+    ground->speaker = update->speaker;
+    ground->said_us = now_us;
+    return true;
 }
 
 static void take_text(char *to, const char *from, size_t size)
@@ -49,7 +73,12 @@ void aircraft_take_self_id(struct aircraft *aircraft, const struct telemetry_upd
                            int64_t now_us)
 {
     struct aircraft_description *description = &aircraft->description[speaker_of(update)];
+    bool urgent =
+        update->self_id.type == ODID_DESC_TYPE_EMERGENCY && update->self_id.text[0] != '\0';
 
+    if (!is_heard(aircraft, GROUND_SELF_ID, update, urgent, now_us)) {
+        return;
+    }
     description->said_us = now_us;
     description->type = update->self_id.type;
     take_text(description->text, update->self_id.text, sizeof(description->text));
@@ -89,10 +118,14 @@ const struct aircraft_description *aircraft_description_said(const struct aircra
 
 /* ---- operator's number ---- */
 
-void aircraft_take_operator_id(struct aircraft *aircraft, const struct telemetry_update *update)
+void aircraft_take_operator_id(struct aircraft *aircraft, const struct telemetry_update *update,
+                               int64_t now_us)
 {
     struct aircraft_operator_number *number = &aircraft->operator_number[speaker_of(update)];
 
+    if (!is_heard(aircraft, GROUND_OPERATOR_ID, update, false, now_us)) {
+        return;
+    }
     number->type = update->operator_id.type;
     take_text(number->number, update->operator_id.operator_id, sizeof(number->number));
 }
@@ -143,14 +176,21 @@ bool aircraft_operator_told(const struct aircraft *aircraft, int64_t now_us)
     return place_said(aircraft_system_said(aircraft, now_us), now_us);
 }
 
+static bool is_elsewhere(const struct aircraft_native_system *system, double latitude_deg,
+                         double longitude_deg)
+{
+    return earth_distance_m(system->latitude_deg, system->longitude_deg, latitude_deg,
+                            longitude_deg) > SAME_PLACE_M;
+}
+
 bool aircraft_operators_differ(const struct aircraft *aircraft, int64_t now_us)
 {
     const struct aircraft_native_system *a = &aircraft->system[AIRCRAFT_SPEAKER_VEHICLE];
     const struct aircraft_native_system *b = &aircraft->system[AIRCRAFT_SPEAKER_GROUND];
 
-    return place_said(a, now_us) && place_said(b, now_us) &&
-           earth_distance_m(a->latitude_deg, a->longitude_deg, b->latitude_deg, b->longitude_deg) >
-               SAME_PLACE_M;
+    return (place_said(a, now_us) && place_said(b, now_us) &&
+            is_elsewhere(a, b->latitude_deg, b->longitude_deg)) ||
+           still_said(aircraft->grounds_differ_us, now_us);
 }
 
 static void take_static_fields(struct aircraft_native_system *system,
@@ -177,6 +217,13 @@ void aircraft_take_system(struct aircraft *aircraft, const struct telemetry_upda
     bool moved = system->said_us == INT64_MIN || undated ||
                  update->system.timestamp_2019_s != system->timestamp_2019_s;
 
+    if (!is_heard(aircraft, GROUND_SYSTEM, update, false, now_us)) {
+        if (is_elsewhere(system, update->system.operator_latitude_deg,
+                         update->system.operator_longitude_deg)) {
+            aircraft->grounds_differ_us = now_us;
+        }
+        return;
+    }
     if (update->kind == TELEMETRY_SYSTEM) {
         take_static_fields(system, update);
     }

@@ -64,6 +64,14 @@ struct aircraft_native_location {
 /* Who says what can't be measured: the aircraft's own side, or a ground station. */
 enum aircraft_speaker { AIRCRAFT_SPEAKER_VEHICLE, AIRCRAFT_SPEAKER_GROUND, AIRCRAFT_SPEAKERS };
 
+/* Of several on the ground one is heard, for each of these. */
+enum aircraft_ground { GROUND_SELF_ID, GROUND_OPERATOR_ID, GROUND_SYSTEM, AIRCRAFT_GROUNDS };
+
+struct aircraft_ground_speaker {
+    uint16_t speaker; /* telemetry_update's */
+    int64_t said_us;  /* INT64_MIN: never */
+};
+
 struct aircraft_description {
     int64_t said_us; /* INT64_MIN: never */
     uint8_t type;
@@ -147,6 +155,8 @@ struct aircraft {
     struct aircraft_operator_number operator_number[AIRCRAFT_SPEAKERS];
     struct aircraft_native_system system[AIRCRAFT_SPEAKERS];
     enum aircraft_speaker system_speaker; /* whose counts */
+    struct aircraft_ground_speaker ground[AIRCRAFT_GROUNDS];
+    int64_t grounds_differ_us; /* when another one on the ground said another place, last */
 };
 
 /* Is an instant, INT64_MIN for never, less than AIRCRAFT_FRESH_US ago? */
@@ -215,7 +225,8 @@ double aircraft_height_m(const struct aircraft *aircraft);
 
 void aircraft_take_self_id(struct aircraft *aircraft, const struct telemetry_update *update,
                            int64_t now_us);
-void aircraft_take_operator_id(struct aircraft *aircraft, const struct telemetry_update *update);
+void aircraft_take_operator_id(struct aircraft *aircraft, const struct telemetry_update *update,
+                               int64_t now_us);
 void aircraft_take_system(struct aircraft *aircraft, const struct telemetry_update *update,
                           int64_t now_us);
 /* Nothing of what it said counts any more. */
@@ -235,7 +246,7 @@ const struct aircraft_native_system *aircraft_system_said(const struct aircraft 
                                                           int64_t now_us);
 /* Does it say an operator's place? */
 bool aircraft_operator_told(const struct aircraft *aircraft, int64_t now_us);
-/* Do both say one, and not the same? */
+/* Do two say one, and not the same? */
 bool aircraft_operators_differ(const struct aircraft *aircraft, int64_t now_us);
 
 /* ---- aircraft_status.c ---- */

@@ -42,6 +42,7 @@ struct telemetry {
     bool authenticated; /* and proves it */
     bool signs;         /* its last frame was signed */
     bool by_another;    /* the native message that is being read isn't its autopilot's */
+    uint16_t speaker;   /* but this one's (telemetry_update) */
     int vehicle_stream;
     int64_t latest_us;
     struct renamed renamed;
@@ -141,6 +142,7 @@ static void on_native(void *context, const struct telemetry_update *update, int6
     struct telemetry_update told = *update;
 
     told.by_another = telemetry->by_another;
+    told.speaker = telemetry->speaker;
     if (told.by_another) {
         /* Once the vehicle says who it is, and proves it, nobody else does. */
         if ((told.kind == TELEMETRY_BASIC_ID && telemetry->identified) ||
@@ -168,6 +170,7 @@ static void take_odid(struct telemetry *telemetry, const mavlink_message_t *mess
     } else {
         telemetry->counters.frames++;
         telemetry->by_another = !from_autopilot(telemetry, message);
+        telemetry->speaker = (uint16_t)(message->sysid << 8 | message->compid);
         telemetry_odid_read(message, on_native, telemetry, now_us);
     }
 }

@@ -44,7 +44,8 @@ enum telemetry_kind {
 /* Angles in degrees, lengths in metres, speeds in m/s, up positive; NAN = unknown. */
 struct telemetry_update {
     enum telemetry_kind kind;
-    bool by_another; /* a native message: not its autopilot's own word */
+    bool by_another;  /* a native message: not its autopilot's own word */
+    uint16_t speaker; /* whose a native message is: system id * 256 + component id */
     union {
         struct {
             uint8_t mav_type, autopilot, base_mode, system_status; /* MAVLink enumerations */

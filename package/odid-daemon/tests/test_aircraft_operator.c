@@ -6,6 +6,8 @@
 
 #include <cmocka.h>
 
+#include <string.h>
+
 #include "flight.h"
 
 #define LIVE MAV_ODID_OPERATOR_LOCATION_TYPE_LIVE_GNSS
@@ -394,6 +396,80 @@ static void of_equals_the_first_one_counts_until_it_is_silent(void **state)
     assert_true(operator_is(50));
 }
 
+static void say_from(uint16_t speaker, double latitude_deg)
+{
+    struct telemetry_update update = system_message(TELEMETRY_SYSTEM);
+
+    update.by_another = true;
+    update.speaker = speaker;
+    update.system.operator_latitude_deg = latitude_deg;
+    give(&update);
+    look();
+}
+
+/* The second one is whoever sends a ground station's HEARTBEAT; they took turns, and nobody was
+ * told. */
+static void of_two_ground_stations_the_first_one_counts_until_it_is_silent(void **state)
+{
+    (void)state;
+    fly(5);
+    for (unsigned i = 0; i < 20; i++) {
+        say_from(255 << 8 | 190, 51);
+        assert_true(operator_is(51));
+        say_from(200 << 8 | 190, 47);
+        assert_true(operator_is(51));
+        assert_true(condition.operators_differ);
+        fly(1);
+    }
+    for (unsigned i = 0; i < 20; i++) {
+        say_from(200 << 8 | 190, 47);
+        assert_true(operator_is(i < 9 ? 51 : 47));
+        fly(1);
+    }
+    assert_false(condition.operators_differ);
+}
+
+static struct telemetry_update described(uint16_t speaker, uint8_t type, const char *text)
+{
+    struct telemetry_update update = update_of(TELEMETRY_SELF_ID);
+
+    update.by_another = true;
+    update.speaker = speaker;
+    update.self_id.type = type;
+    strcpy(update.self_id.text, text);
+    return update;
+}
+
+/* Who has declared it; from anybody else it is one more, and no end of it. */
+static void an_emergency_is_taken_back_by_who_declared_it(void **state)
+{
+    struct telemetry_update declared = described(255 << 8 | 190, 1, "engine failure");
+    struct telemetry_update others = described(200 << 8 | 190, 0, "");
+    struct telemetry_update theirs = described(200 << 8 | 190, 1, "bird strike");
+    struct telemetry_update ended = described(255 << 8 | 190, 0, "");
+
+    (void)state;
+    fly(5);
+    give(&others);
+    for (unsigned i = 0; i < 10; i++) {
+        give(&declared);
+        fly(0.5);
+        give(&others);
+        look();
+        assert_int_equal(view.location.status, AIRCRAFT_EMERGENCY);
+        fly(0.5);
+    }
+    give(&theirs);
+    look();
+    assert_string_equal(view.description, "bird strike");
+    give(&ended); /* it is another one's now */
+    look();
+    assert_int_equal(view.location.status, AIRCRAFT_EMERGENCY);
+    give(&others);
+    look();
+    assert_int_not_equal(view.location.status, AIRCRAFT_EMERGENCY);
+}
+
 /* ArduPilot passes on what the ground station says. */
 static void one_place_by_two_ways_is_no_difference(void **state)
 {
@@ -431,6 +507,9 @@ int main(void)
         cmocka_unit_test_setup(a_native_area_count_of_0_is_one_aircraft, begin_setup),
         cmocka_unit_test_setup(a_live_operator_goes_before_home, begin_setup),
         cmocka_unit_test_setup(of_equals_the_first_one_counts_until_it_is_silent, begin_setup),
+        cmocka_unit_test_setup(of_two_ground_stations_the_first_one_counts_until_it_is_silent,
+                               begin_setup),
+        cmocka_unit_test_setup(an_emergency_is_taken_back_by_who_declared_it, begin_setup),
         cmocka_unit_test_setup(one_place_by_two_ways_is_no_difference, begin_setup),
     };
 
