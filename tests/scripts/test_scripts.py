@@ -303,6 +303,16 @@ def test_a_hostapd_started_in_maintenance_is_open(appliance):
     assert (made["max_num_sta"], key) == ("200", KEY)
 
 
+@pytest.mark.parametrize("damaged", [KEY[:-1], KEY + "7", KEY[:-1] + "x", KEY.upper().replace("7", "G")])
+def test_a_damaged_key_takes_remote_id_off_nothing(appliance, damaged):
+    """hostapd didn't start with it while maintenance was on."""
+    appliance.write("data/secrets/maintenance.psk", damaged + "\n")
+    appliance.write("run/odid-appliance/maintenance", "on\n")
+    key = hostapd(appliance)[1]
+    assert re.fullmatch("[0-9a-f]{64}", key) and key != damaged
+    assert "Set [maintenance] password anew" in appliance.fault("secrets")
+
+
 @pytest.mark.parametrize("in_force, fault", [("SE", False), ("00", True), ("98", True)])
 def test_a_country_that_is_not_in_force_is_a_fault(appliance, in_force, fault):
     hostapd(appliance)
@@ -572,6 +582,21 @@ def test_no_lease_takes_the_ground_station_away(appliance, ip, mask, station, in
     appliance.must(f"interface={interface} ip={ip} mask={mask} router= dns= /lib/odid/dhcp-event bound")
     assert (f"ip addr add {ip}/{mask} dev {interface}" in appliance.calls()) == taken
     assert ("has the ground station's address" in (appliance.fault(f"dhcp-{interface}") or "")) != taken
+
+
+def test_names_are_asked_where_the_way_out_is(appliance):
+    """The last network's server was the only one, and stayed when that network was gone."""
+    appliance.change("lib/odid/dhcp-event", ("ip addr", "/usr/bin/ip addr"), ("ip route", "/usr/bin/ip route"))
+
+    def happens(interface, event, server):
+        appliance.must(f"interface={interface} ip=10.9.0.3 mask=24 router= dns={server} /lib/odid/dhcp-event {event}")
+        return appliance.read("run/resolv.conf").split()[1::2]
+    for number, interface in ((2, "eth0"), (11, "wwan0")):
+        appliance.write(f"sys/class/net/{interface}/ifindex", f"{number}\n")
+    assert happens("wwan0", "bound", "10.0.0.11") == ["10.0.0.11"]
+    assert happens("eth0", "bound", "10.0.0.2") == ["10.0.0.2", "10.0.0.11"]
+    assert happens("wwan0", "renew", "10.0.0.12") == ["10.0.0.2", "10.0.0.12"]
+    assert happens("wwan0", "deconfig", "") == ["10.0.0.2"]
 
 
 def test_a_lease_at_the_ground_station_s_interface_brings_its_own_way(appliance):
@@ -1035,6 +1060,16 @@ def test_data_that_turns_read_only_at_the_first_write_is_a_broken_one(with_data)
     with_data.write("getro", "1\n")  # else it is mended in the background
     with_data.must("/etc/init.d/S30data")
     assert "umount /data" in with_data.calls() and "lost at power-off" in with_data.fault("data")
+
+
+@pytest.mark.parametrize("octets, taken", [(65536, True), (65537, False)])
+def test_authorities_are_taken_whole_or_not_at_all(with_config, octets, taken):
+    """64 KiB of them ended in the middle of one, and then none is believed."""
+    with_config.write("data/secrets/hawkbit-ca.pem", "before\n")
+    with_config.write("run/config/hawkbit-ca.pem", "x" * octets)
+    with_config.must("/etc/init.d/S40config")
+    assert len(with_config.read("data/secrets/hawkbit-ca.pem")) == (octets if taken else 7)
+    assert (with_config.fault("hawkbit-ca") is None) == taken
 
 
 @pytest.mark.parametrize("cut", ["odid.conf", "hawkbit-token"])
