@@ -63,7 +63,7 @@ static void table_of_a_bad_one(void **state)
     fixture.radios[CHANNEL_WIFI].accepted_us = INT64_MIN;
     strcpy(fixture.radios[CHANNEL_WIFI].detail, "no control socket");
     fixture.radios[CHANNEL_BT5].replaced = 7;
-    asking.message[3].refusals = asking.message[4].refusals = 2;
+    asking.message[4].refusals = asking.message[5].refusals = 2;
     draw_fixture(false, text, sizeof(text));
     assert_non_null(strstr(text, "REMOTE ID IS ONLY PARTLY ON THE AIR"));
     assert_non_null(strstr(text, "Do not fly: EU: Bluetooth 4 is not enough"));
