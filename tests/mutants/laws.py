@@ -20,7 +20,7 @@ from host.flight import write_flight
 from mutants.named import NAMED, Mutant
 from mutants.run import FOLDER, put_in
 from mutants.trial import Workshop
-from simulated.faults import FAULTS
+from simulated.faults import BY_NAME
 from simulated.flight import Flight
 from simulated.laws import judged_by_law
 
@@ -62,14 +62,13 @@ CASES = (
 
 def fly(harm):
     """Prints the laws that were broken, as JSON. With DAEMON, and so beside it the others, from a workshop."""
-    by_name = {one.name: one for one in FAULTS}
     with tempfile.TemporaryDirectory(prefix="odid-laws-") as folder:
         log = Path(folder, "flight.tlog")
         write_flight(log, FLIGHT_S + 10)
         flight = Flight(Path(folder, "flight"), log, seed=3, kept=True)
         try:
             for name, at_s, seconds in harm:
-                flight.harm(by_name[name], at_s, seconds)
+                flight.harm(BY_NAME[name], at_s, seconds)
             flight.fly(FLIGHT_S)
             print(json.dumps({law: found[:1] for law, found in judged_by_law(flight, FLIGHT_S).items() if found}))
         finally:

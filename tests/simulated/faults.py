@@ -148,3 +148,4 @@ FAULTS = (
     Fault("recorder_killed", (), 0.0, lambda flight: flight.kill_service("odid-recorder"), kept=True),
     Fault("clock_set", (), 0.0, set_clock, kept=True),
 )
+BY_NAME = {fault.name: fault for fault in FAULTS}

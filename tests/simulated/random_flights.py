@@ -26,7 +26,7 @@ if __package__ is None:
 
 from host import front, parts, program
 from host.flight import write_flight
-from simulated.faults import FAULTS
+from simulated.faults import BY_NAME, FAULTS
 from simulated.flight import WARM_UP_S, Flight
 from simulated.laws import broken_laws
 from simulated.world import Ended
@@ -71,8 +71,7 @@ def may_be_beside(one, other):
 
 def planned(mode, link, late, kept, faults):
     """As `written` says it: a flight that failed once is kept so, for what a seed means changes with each new fault."""
-    by_name = {fault.name: fault for fault in FAULTS}
-    return Plan(mode, link, late, kept, [(by_name[name], at_s, seconds) for name, at_s, seconds in faults])
+    return Plan(mode, link, late, kept, [(BY_NAME[name], at_s, seconds) for name, at_s, seconds in faults])
 
 
 def written(what):

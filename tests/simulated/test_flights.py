@@ -8,7 +8,7 @@ from bench.attacker import Speaker
 from host import front, parts
 from host.flight import write_flight
 
-from .faults import FAULTS
+from .faults import BY_NAME, FAULTS
 from .flight import Flight
 from .laws import broken_laws
 from .world import START_US
@@ -117,9 +117,9 @@ def test_a_silent_autopilot_is_a_failure_that_is_said(make_flight):
 
 def test_a_daemon_that_begins_without_a_position_says_so_at_once(make_flight):
     """Where the one before it did: else each one that is killed takes the word back for three seconds."""
-    flight, by_name = make_flight(kept=True), {fault.name: fault for fault in FAULTS}
-    flight.harm(by_name["autopilot_unplugged"], AT_S, 20.0)
-    flight.harm(by_name["daemon_killed"], AT_S + 10)
+    flight = make_flight(kept=True)
+    flight.harm(BY_NAME["autopilot_unplugged"], AT_S, 20.0)
+    flight.harm(BY_NAME["daemon_killed"], AT_S + 10)
     flight.fly(AT_S + 30)
     assert broken_laws(flight, AT_S + 30) == []
     for track in flight.judged().tracks:

@@ -3,7 +3,7 @@
 import pytest
 from host.flight import write_flight
 
-from .faults import FAULTS, Window
+from .faults import BY_NAME, FAULTS, Window
 from .flight import Flight
 from .laws import broken_laws
 from .world import START_US
@@ -22,9 +22,9 @@ BROKEN = {
 def harmed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("laws")
     write_flight(folder / "flight.tlog", FLIGHT_S + 10)
-    flight, by_name = Flight(folder / "flight", folder / "flight.tlog", seed=3, kept=True), {one.name: one for one in FAULTS}
+    flight = Flight(folder / "flight", folder / "flight.tlog", seed=3, kept=True)
     for at_s, name in ((30, "controller_unplugged"), (60, "autopilot_unplugged"), (90, "daemon_hangs")):
-        flight.harm(by_name[name], at_s, 4)
+        flight.harm(BY_NAME[name], at_s, 4)
     flight.fly(FLIGHT_S)
     yield flight
     flight.end()

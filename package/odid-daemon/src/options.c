@@ -94,7 +94,7 @@ bool options_read(struct options *options, int argc, char *const argv[])
         {NULL, 0, NULL, 0},
     };
     const char *file = DEFAULT_FILE;
-    bool no_wifi = false, no_bt = false, debug = false, appliance = false;
+    bool no_wifi = false, no_bt = false, debug = false;
     int flag;
 
     memset(options, 0, sizeof(*options));
@@ -119,7 +119,7 @@ bool options_read(struct options *options, int argc, char *const argv[])
             options->seccomp_log = true;
             break;
         case FLAG_APPLIANCE:
-            appliance = options->appliance = true;
+            options->appliance = true;
             break;
         case FLAG_VEHICLE:
             if (!read_system_id(optarg, &options->expected_vehicle)) {
@@ -141,7 +141,7 @@ bool options_read(struct options *options, int argc, char *const argv[])
     config_defaults(&options->config);
     config_read_file(&options->config, file, report, options);
     config_read_environment(&options->config, environment, report, options);
-    if (appliance) {
+    if (options->appliance) {
         config_keep_appliance(&options->config, report, options);
     }
     forget_secrets();

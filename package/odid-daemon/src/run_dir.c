@@ -22,23 +22,18 @@ static bool is_kept(int folder, const char *name)
            file.st_size <= KEPT_SIZE_MAX;
 }
 
-static void clean_up(int folder)
+static void clean_up(DIR *names)
 {
-    DIR *names = fdopendir(folder);
+    int folder = dirfd(names);
     struct dirent *entry;
 
-    while (names != NULL && (entry = readdir(names)) != NULL) {
+    while ((entry = readdir(names)) != NULL) {
         const char *name = entry->d_name;
 
         if (strcmp(name, ".") != 0 && strcmp(name, "..") != 0 && !is_kept(folder, name) &&
             unlinkat(folder, name, 0) < 0) {
             unlinkat(folder, name, AT_REMOVEDIR);
         }
-    }
-    if (names != NULL) {
-        closedir(names);
-    } else {
-        close(folder);
     }
 }
 
@@ -47,6 +42,7 @@ void run_dir_prepare(const char *path, const char *user, bool clean)
     const struct passwd *owner = getpwnam(user);
     struct stat status;
     int folder;
+    DIR *names;
 
     if (mkdir(path, MODE) == 0 && owner != NULL && chown(path, owner->pw_uid, owner->pw_gid) == 0) {
         log_info("made %s", path);
@@ -58,9 +54,14 @@ void run_dir_prepare(const char *path, const char *user, bool clean)
     if (folder < 0) {
         return;
     }
-    if (fstat(folder, &status) < 0 || status.st_uid != owner->pw_uid || fchmod(folder, MODE) < 0) {
+    names = fdopendir(folder);
+    if (names == NULL) {
         close(folder);
         return;
     }
-    clean_up(folder);
+    if (fstat(folder, &status) == 0 && status.st_uid == owner->pw_uid &&
+        fchmod(folder, MODE) == 0) {
+        clean_up(names);
+    }
+    closedir(names);
 }

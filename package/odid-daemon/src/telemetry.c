@@ -208,8 +208,8 @@ static enum clock_is told_clock(const struct telemetry *telemetry, const mavlink
 
 /* A frame of another system's autopilot: is it the vehicle's next one? Its id may be changed more
  * than once: then each goes on where the one before it ended. */
-static void watch_renamed(struct telemetry *telemetry, unsigned stream,
-                          const mavlink_message_t *message, int64_t now_us)
+static void watch_renamed(struct telemetry *telemetry, const mavlink_message_t *message,
+                          int64_t now_us)
 {
     struct renamed *renamed = &telemetry->renamed;
     bool alive = renamed->system != 0 && now_us - renamed->heard_us < RENAMED_SILENT_US;
@@ -219,10 +219,6 @@ static void watch_renamed(struct telemetry *telemetry, unsigned stream,
     bool follows = recent && step >= 1 && step <= RENAMED_LOST_MAX;
     enum clock_is clock = told_clock(telemetry, message, now_us);
 
-    if (telemetry->vehicle_stream != (int)stream ||
-        telemetry->latest.sysid != telemetry->vehicle.system) {
-        return;
-    }
     if (!known && !follows && (alive || clock != CLOCK_SAME)) {
         return; /* beside one that does, or a neighbour */
     }
@@ -329,8 +325,10 @@ static void take_frame(struct telemetry *telemetry, unsigned stream,
         telemetry->latest_us = now_us;
         telemetry->renamed.system = 0;
         telemetry->vehicle_stream = (int)stream;
-    } else if (message->compid == MAV_COMP_ID_AUTOPILOT1 && message->sysid != 0) {
-        watch_renamed(telemetry, stream, message, now_us);
+    } else if (message->compid == MAV_COMP_ID_AUTOPILOT1 && message->sysid != 0 &&
+               telemetry->vehicle_stream == (int)stream &&
+               telemetry->latest.sysid == telemetry->vehicle.system) {
+        watch_renamed(telemetry, message, now_us);
     }
 }
 

@@ -10,6 +10,8 @@
 
 #include "flight.h"
 
+#define PILOTS_STATION (255 << 8 | 190)
+#define ANOTHER_STATION (200 << 8 | 190)
 #define LIVE MAV_ODID_OPERATOR_LOCATION_TYPE_LIVE_GNSS
 
 static uint32_t seconds_2019(void)
@@ -342,15 +344,22 @@ static void a_native_area_count_of_0_is_one_aircraft(void **state)
 
 /* ---- two voices ---- */
 
-static void say(bool by_another, uint8_t location_type, double latitude_deg)
+/* speaker 0: the vehicle's own. */
+static void say_as(uint16_t speaker, uint8_t location_type, double latitude_deg)
 {
     struct telemetry_update update = system_message(TELEMETRY_SYSTEM);
 
-    update.by_another = by_another;
+    update.by_another = speaker != 0;
+    update.speaker = speaker;
     update.system.operator_location_type = location_type;
     update.system.operator_latitude_deg = latitude_deg;
     give(&update);
     look();
+}
+
+static void say(bool by_another, uint8_t location_type, double latitude_deg)
+{
+    say_as(by_another ? PILOTS_STATION : 0, location_type, latitude_deg);
 }
 
 /* PX4's SYSTEM says home, a ground station's where the operator stands; each once a second. */
@@ -396,17 +405,6 @@ static void of_equals_the_first_one_counts_until_it_is_silent(void **state)
     assert_true(operator_is(50));
 }
 
-static void say_from(uint16_t speaker, double latitude_deg)
-{
-    struct telemetry_update update = system_message(TELEMETRY_SYSTEM);
-
-    update.by_another = true;
-    update.speaker = speaker;
-    update.system.operator_latitude_deg = latitude_deg;
-    give(&update);
-    look();
-}
-
 /* The second one is whoever sends a ground station's HEARTBEAT; they took turns, and nobody was
  * told. */
 static void of_two_ground_stations_the_first_one_counts_until_it_is_silent(void **state)
@@ -414,15 +412,15 @@ static void of_two_ground_stations_the_first_one_counts_until_it_is_silent(void 
     (void)state;
     fly(5);
     for (unsigned i = 0; i < 20; i++) {
-        say_from(255 << 8 | 190, 51);
+        say_as(PILOTS_STATION, LIVE, 51);
         assert_true(operator_is(51));
-        say_from(200 << 8 | 190, 47);
+        say_as(ANOTHER_STATION, LIVE, 47);
         assert_true(operator_is(51));
         assert_true(condition.operators_differ);
         fly(1);
     }
     for (unsigned i = 0; i < 20; i++) {
-        say_from(200 << 8 | 190, 47);
+        say_as(ANOTHER_STATION, LIVE, 47);
         assert_true(operator_is(i < 9 ? 51 : 47));
         fly(1);
     }
@@ -443,10 +441,10 @@ static struct telemetry_update described(uint16_t speaker, uint8_t type, const c
 /* Who has declared it; from anybody else it is one more, and no end of it. */
 static void an_emergency_is_taken_back_by_who_declared_it(void **state)
 {
-    struct telemetry_update declared = described(255 << 8 | 190, 1, "engine failure");
-    struct telemetry_update others = described(200 << 8 | 190, 0, "");
-    struct telemetry_update theirs = described(200 << 8 | 190, 1, "bird strike");
-    struct telemetry_update ended = described(255 << 8 | 190, 0, "");
+    struct telemetry_update declared = described(PILOTS_STATION, 1, "engine failure");
+    struct telemetry_update others = described(ANOTHER_STATION, 0, "");
+    struct telemetry_update theirs = described(ANOTHER_STATION, 1, "bird strike");
+    struct telemetry_update ended = described(PILOTS_STATION, 0, "");
 
     (void)state;
     fly(5);

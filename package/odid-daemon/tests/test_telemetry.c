@@ -467,16 +467,21 @@ static void in_flight_no_other_vehicle_takes_its_place(void **state)
     assert_int_equal(feed(autopilot_heartbeat(VEHICLE)), 1);
 }
 
+static void speaks(uint8_t system, unsigned times, int64_t every_us)
+{
+    for (unsigned i = 0; i < times; i++) {
+        now_us += every_us;
+        feed(autopilot_heartbeat(system));
+        feed(some_position(system, AUTOPILOT));
+    }
+}
+
 /* Given another system id in the air, as ArduPlane takes it: the autopilot goes on with its numbers
  * and its clock. */
 static void an_autopilot_with_another_number_is_the_same(void **state)
 {
     (void)state;
-    for (unsigned i = 0; i < 5; i++) {
-        now_us += SECOND;
-        feed(autopilot_heartbeat(VEHICLE));
-        feed(some_position(VEHICLE, AUTOPILOT));
-    }
+    speaks(VEHICLE, 5, SECOND);
     for (unsigned i = 0; i < 3; i++) {
         now_us += SECOND;
         assert_int_equal(feed(autopilot_heartbeat(OTHER_VEHICLE)), i < 2 ? 0 : 1);
@@ -501,24 +506,15 @@ static void it_is_the_same_whatever_happens_meanwhile(void **state)
     (void)state;
     for (unsigned how = 0; how < 3; how++) {
         setup(state);
-        for (unsigned i = 0; i < 25; i++) {
-            now_us += SECOND / 5;
-            feed(autopilot_heartbeat(VEHICLE));
-            feed(some_position(VEHICLE, AUTOPILOT));
-        }
+        speaks(VEHICLE, 25, SECOND / 5);
         if (how == 0) {
             frames_are_another_senders();
         }
-        for (unsigned i = 0; i < 40; i++) {
-            uint8_t system = how == 2 && i < 5 ? OTHER_VEHICLE + 1 : OTHER_VEHICLE;
-
-            if (how == 1 && i == 0) {
-                feed(frame_global_position_int(99, AUTOPILOT, &elsewhere));
-            }
-            now_us += SECOND / 5;
-            feed(autopilot_heartbeat(system));
-            feed(some_position(system, AUTOPILOT));
+        if (how == 1) {
+            feed(frame_global_position_int(99, AUTOPILOT, &elsewhere));
         }
+        speaks(how == 2 ? OTHER_VEHICLE + 1 : OTHER_VEHICLE, 5, SECOND / 5);
+        speaks(OTHER_VEHICLE, 35, SECOND / 5);
         assert_int_equal(telemetry_vehicle(telemetry), OTHER_VEHICLE);
         assert_false(telemetry_contradicted(telemetry, now_us));
     }
@@ -534,11 +530,7 @@ static void a_neighbour_is_not_the_same_under_another_number(void **state)
     (void)state;
     for (unsigned how = 0; how < 3; how++) {
         setup(state);
-        for (unsigned i = 0; i < 5; i++) {
-            now_us += SECOND;
-            feed(autopilot_heartbeat(VEHICLE));
-            feed(some_position(VEHICLE, AUTOPILOT));
-        }
+        speaks(VEHICLE, 5, SECOND);
         if (how == 0) {
             frames_are_another_senders();
         }
