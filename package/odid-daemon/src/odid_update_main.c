@@ -177,6 +177,22 @@ static bool configuration_changed(void)
             self.configuration.st_mtim.tv_nsec != before.st_mtim.tv_nsec);
 }
 
+/* What the bundle called it; where that isn't known, what it calls itself. */
+static const char *offered_version(void)
+{
+    return self.record.to[0] != '\0' ? self.record.to : self.version;
+}
+
+/* A stick whose bundle is newer than what is in it would be installed at every start. */
+static void compare_versions(struct update_board *board)
+{
+    if (strcmp(offered_version(), self.version) != 0) {
+        board->well = false;
+        snprintf(board->complaint, sizeof(board->complaint),
+                 "It calls itself version %s: the bundle has to be built again.", self.version);
+    }
+}
+
 static void look(struct update_board *board, int64_t now_us)
 {
     struct json_object *status = ask(board);
@@ -196,6 +212,7 @@ static void look(struct update_board *board, int64_t now_us)
             self.expectation.channels &= ~update_channels_disabled(status);
         }
         update_judge(&self.expectation, status, &services, board);
+        compare_versions(board);
     } else if (self.update.state == UPDATE_INSTALLING && take_channels(status)) {
         write_record(); /* a channel that wasn't up yet when the install began */
     }
@@ -228,7 +245,8 @@ static void commit(int64_t now_us)
 
 static void keep_reason(void)
 {
-    keep(UPDATE_BACK, self.version, "Version %s was rolled back: %s", self.version, self.reason);
+    keep(UPDATE_BACK, offered_version(), "Version %s was rolled back: %s", offered_version(),
+         self.reason);
     self.overwritten = false;
 }
 

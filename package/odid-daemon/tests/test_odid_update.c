@@ -327,6 +327,27 @@ static void a_channel_that_is_switched_off_in_the_trial(void **state)
     }
 }
 
+/* Its stick would offer it again at every start, as newer than what runs. */
+static void what_is_not_the_version_that_was_offered_is_rolled_back(void **state)
+{
+    char back[32];
+
+    (void)state;
+    board.variables =
+        (struct update_variables){.slot = 'a', .trial = 'b', .upgrade_available = true};
+    put(STATE "/slot", "b\n");
+    put(VERSION_FILE, "0.9.0\n");
+    put(DATA "/" UPDATE_RECORD_FILE,
+        "{\"slot\":\"b\",\"from\":\"1.0.0\",\"to\":\"1.1.0\",\"channels\":3,\"services\":[]}");
+    begin(true);
+    pass(70);
+    assert_int_equal(board.variables.trial_failed, 'b');
+    assert_string_equal(self.reason,
+                        "It calls itself version 0.9.0: the bundle has to be built again.");
+    whole_file_line(DATA "/" UPDATE_BACK_FILE, back, sizeof(back));
+    assert_string_equal(back, "1.1.0"); /* for the stick */
+}
+
 /* A failed trial, armed before the restart; odid-update ends, and is started again. */
 static void a_failed_trial_stays_failed_over_its_own_restart(void **state)
 {
@@ -411,6 +432,7 @@ int main(void)
         cmocka_unit_test_setup(what_is_written_is_started_when_disarmed, setup),
         cmocka_unit_test_setup(after_one_that_broke_off_hawkbit_is_left_alone, setup),
         cmocka_unit_test_setup(a_channel_that_is_switched_off_in_the_trial, setup),
+        cmocka_unit_test_setup(what_is_not_the_version_that_was_offered_is_rolled_back, setup),
         cmocka_unit_test_setup(a_failed_trial_stays_failed_over_its_own_restart, setup),
         cmocka_unit_test_setup(what_was_called_off_is_not_started, setup),
         cmocka_unit_test_setup(what_was_called_off_before_the_gate_is_not_written, setup),
