@@ -39,9 +39,10 @@ static struct {
     struct update_record record;
     struct update_expectation expectation;
     struct update_variables variables;
-    struct stat configuration; /* in a trial: the file, when it was looked at last */
-    bool configured_anew;      /* it has changed since */
-    char running, other;       /* slots */
+    /* In a trial: the one in force, when it was looked at last, or before the restart. */
+    char configuration[UPDATE_IDENTITY_SIZE];
+    bool configured_anew; /* it has changed since */
+    char running, other;  /* slots */
     char version[UPDATE_VERSION_SIZE];
     bool time_known;
     bool beside;   /* a bundle came while another update isn't decided: the gate refuses it */
@@ -166,15 +167,27 @@ static bool take_channels(struct json_object *status)
     return true;
 }
 
+/* Of the one in force: another one whenever it is saved. Empty: not known. */
+static void identify_configuration(char identity[UPDATE_IDENTITY_SIZE])
+{
+    struct stat file;
+
+    identity[0] = '\0';
+    if (stat(CONFIGURATION, &file) == 0) {
+        snprintf(identity, UPDATE_IDENTITY_SIZE, "%ju %jd.%09ld", (uintmax_t)file.st_ino,
+                 (intmax_t)file.st_mtim.tv_sec, file.st_mtim.tv_nsec);
+    }
+}
+
 /* Whoever saves settings restarts what they concern: that says nothing against the new version. */
 static bool configuration_changed(void)
 {
-    struct stat before = self.configuration;
+    char before[UPDATE_IDENTITY_SIZE];
 
-    return stat(CONFIGURATION, &self.configuration) == 0 && before.st_ino != 0 &&
-           (self.configuration.st_ino != before.st_ino ||
-            self.configuration.st_mtim.tv_sec != before.st_mtim.tv_sec ||
-            self.configuration.st_mtim.tv_nsec != before.st_mtim.tv_nsec);
+    snprintf(before, sizeof(before), "%s", self.configuration);
+    identify_configuration(self.configuration);
+    return before[0] != '\0' && self.configuration[0] != '\0' &&
+           strcmp(before, self.configuration) != 0;
 }
 
 /* What the bundle called it; where that isn't known, what it calls itself. */
@@ -379,6 +392,7 @@ static void begin_record(void)
     snprintf(self.record.from, sizeof(self.record.from), "%s", self.version);
     snprintf(self.record.to, sizeof(self.record.to), "%s", self.update.version);
     take_channels(status);
+    identify_configuration(self.record.configuration);
     update_services_read(&self.record.services, SERVICES);
     json_object_put(status);
     write_record();
@@ -595,6 +609,7 @@ static void resume(bool first, int64_t now_us)
     if (is_trial(variables, self.running)) {
         self.expectation.channels = self.record.channels;
         self.expectation.wanted = self.record.services;
+        snprintf(self.configuration, sizeof(self.configuration), "%s", self.record.configuration);
         update_try(&self.update, self.version, now_us);
         if (!recorded && was_given_up()) {
             give_up(now_us);

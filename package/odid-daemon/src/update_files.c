@@ -109,6 +109,7 @@ int update_write_record(const char *data, const struct update_record *record)
         }
     }
     add(object, "services", services);
+    add(object, "configuration", text(record->configuration));
     return replace(data, UPDATE_RECORD_FILE, object);
 }
 
@@ -162,6 +163,7 @@ int update_read_record(const char *data, struct update_record *record)
     record->channels_known = channels != NULL;
     record->channels = (unsigned)json_object_get_int(channels);
     take_services(json_object_object_get(object, "services"), &record->services);
+    take_text(object, "configuration", record->configuration, sizeof(record->configuration));
     json_object_put(object);
     return 0;
 }

@@ -30,9 +30,10 @@ struct update_result {
 struct update_record {
     char slot; /* 'a' or 'b': the new one */
     char from[UPDATE_VERSION_SIZE], to[UPDATE_VERSION_SIZE];
-    bool channels_known;             /* the daemon said something of them */
-    unsigned channels;               /* that were on the air, 1 << channel */
-    struct update_services services; /* that ran */
+    bool channels_known;                      /* the daemon said something of them */
+    unsigned channels;                        /* that were on the air, 1 << channel */
+    struct update_services services;          /* that ran */
+    char configuration[UPDATE_IDENTITY_SIZE]; /* the one in force then; empty: not known */
 };
 
 /* Each returns 0, or -errno; what fails is for the caller to say. */
