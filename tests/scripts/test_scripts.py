@@ -1072,7 +1072,7 @@ def test_authorities_are_taken_whole_or_not_at_all(with_config, octets, taken):
     assert (with_config.fault("hawkbit-ca") is None) == taken
 
 
-@pytest.mark.parametrize("cut", ["odid.conf", "hawkbit-token"])
+@pytest.mark.parametrize("cut", ["odid.conf", "authorized_keys.txt", "hawkbit-token"])
 def test_a_file_on_config_that_was_cut_short_is_put_aside(with_config, cut):
     """Half a configuration was taken over, and a token that had become empty counted as emptied."""
     with_config.change("etc/init.d/S40config", (". /lib/odid/functions", ". /lib/odid/functions; read_only() { [ ! -e /mended ]; }"))
@@ -1084,7 +1084,7 @@ printf '%s\n' 'fsck.fat 4.2' '/{cut}' '  File size is 5000 bytes, cluster chain 
     (with_config.root / "usr/bin/fsck.fat").chmod(0o755)
     with_config.change("usr/bin/odidctl", ("case $1 in\n", "case $1 in\nimport) rm -f /run/faults/config ;;\n"))  # all is well, it finds
     with_config.write("data/secrets/hawkbit-token", "a-secret\n")
-    for name in ("odid.conf", "hawkbit-token"):
+    for name in {"odid.conf", "hawkbit-token", cut}:
         with_config.write(f"run/config/{name}", "a-secret\n")
     with_config.must("/etc/init.d/S40config")
     assert with_config.exists(f"run/config/{cut}.cut-short") and not with_config.exists(f"run/config/{cut}")

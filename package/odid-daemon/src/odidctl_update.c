@@ -338,8 +338,7 @@ static bool is_tried_again(const struct odidctl_places *places, const char *path
     whole_file_line(kept, failures, sizeof(failures));
     if (strcmp(identity, before) == 0) {
         puts("This file was tried and came to nothing: it is left alone. Copy it anew, or give it "
-             "by "
-             "the page.");
+             "by the page.");
         return true;
     }
     if (atoi(failures) >= STICK_FAILURES_MAX) {
@@ -393,7 +392,7 @@ static int install_from(const struct odidctl_places *places, const char *folder)
     printf("Version %s is tried.\n", bundle.version);
     result = install(places, path, &tried);
     close(unattended);
-    if (result == ODIDCTL_NOT_GOOD && tried) {
+    if (result != ODIDCTL_GOOD && tried) {
         remember_failure(places, identity);
     }
     return result;
