@@ -168,6 +168,12 @@ def setup_signing(who):
     return common.MAVLink_setup_signing_message(1, 1, bytes(32), 1).pack(link)
 
 
+def serial_control(who):
+    """Seventy octets out of one of the autopilot's ports, which it then keeps for whoever asked."""
+    link = common.MAVLink(None, srcSystem=who[0], srcComponent=who[1])
+    return common.MAVLink_serial_control_message(100, 2 | 4, 0, 57600, 21, list(heartbeat(VEHICLE)) + [0] * 49).pack(link)
+
+
 def crafted(who, flags=2, message=0xFDFDFD):
     """A header that says 255 octets of a message nobody knows, with a flag nobody knows."""
     return bytes([0xFD, 255, flags, 0, 0, *who, *message.to_bytes(3, "little")]) + b"\xfd" * 257
@@ -184,6 +190,7 @@ RULES = {
     "the transmitter's word": (arm_status(STATION), False, False),
     "the same as its transmitter": (arm_status(TRANSMITTER), False, True),
     "a key to sign with": (setup_signing(STATION), False, False),
+    "what an autopilot's port is to say": (serial_control(STATION), False, False),
     "as another autopilot": (heartbeat(FOREIGN), False, False),
     "a message that nobody knows": (crafted(STATION, flags=0), True, False),
     "a flag that nobody knows": (crafted(STATION), True, False),
@@ -202,7 +209,7 @@ def either(request):
 
 
 def test_what_each_side_may_say(program, tmp_path):
-    line = Line(program, tmp_path, keys=("BlockSrcSysIn = 1\nBlockSrcCompIn = 1,236,237,238\nBlockMsgIdIn = 12918,256\n",
+    line = Line(program, tmp_path, keys=("BlockSrcSysIn = 1\nBlockSrcCompIn = 1,236,237,238\nBlockMsgIdIn = 12918,256,126\n",
                                          "AllowSrcCompIn = 236\n"))
     try:
         addresses = line.addresses()
