@@ -23,7 +23,7 @@ struct aircraft *aircraft_init(const struct config *config, int64_t start_us)
     aircraft.landed_us = aircraft.in_air_us = aircraft.crashed_us = INT64_MIN;
     aircraft.landed_no_us = aircraft.lies_us = INT64_MIN;
     aircraft_forget_receivers(&aircraft);
-    aircraft.armed_ended_us = INT64_MIN;
+    aircraft.armed_ended_us = aircraft.auth_said_us = INT64_MIN;
     aircraft.separation_m = NAN;
     aircraft.telemetry.fix_us = aircraft.position_boot_us = INT64_MIN;
     aircraft.waiting_position.came_us = aircraft.waiting_time.came_us = INT64_MIN;
@@ -142,6 +142,7 @@ static void take_heartbeat(struct aircraft *aircraft, const struct telemetry_upd
     if (aircraft->armed && !armed) {
         aircraft->armed_ended_us = now_us;
     }
+    aircraft->flies_unheard = false;
     aircraft->says_disarmed = !says_armed && !update->heartbeat.doubtful;
     aircraft->armed = armed;
     aircraft->heartbeat_us = now_us;
@@ -165,13 +166,46 @@ static void take_heartbeat(struct aircraft *aircraft, const struct telemetry_upd
     aircraft_look_for_takeoff(aircraft, now_us);
 }
 
+/* Its HEARTBEATs may be lost, or kept from us: an old "disarmed" doesn't stand in the air. */
+static void look_whether_it_flies(struct aircraft *aircraft, int64_t now_us)
+{
+    int64_t since_us =
+        aircraft->heartbeat_us == INT64_MIN ? aircraft->start_us : aircraft->heartbeat_us;
+
+    if (aircraft->armed || aircraft_fresh(since_us, now_us) ||
+        !aircraft_is_flying(aircraft, now_us)) {
+        return;
+    }
+    arming_flies(&aircraft->arming);
+    aircraft->armed = aircraft->flies_unheard = true;
+    if (!took_off_just_before(aircraft, now_us)) {
+        aircraft_begin_flight(aircraft, false, now_us);
+    }
+}
+
 /* ---- native static messages ---- */
+
+/* One of each type: a serial number comes first, and any other type has the place that is free. -1:
+ * there is none, and who was there first stays. */
+static int place_of_id(const struct aircraft *aircraft, uint8_t id_type)
+{
+    const struct aircraft_native_id *ids = aircraft->native_basic_id;
+
+    if (id_type == ODID_IDTYPE_SERIAL_NUMBER) {
+        return 0;
+    }
+    for (int i = 0; i < 2; i++) {
+        if (ids[i].id_type == id_type) {
+            return i;
+        }
+    }
+    return ids[1].id_type == ODID_IDTYPE_NONE ? 1 : ids[0].id_type == ODID_IDTYPE_NONE ? 0 : -1;
+}
 
 static void take_basic_id(struct aircraft *aircraft, const struct telemetry_update *update)
 {
-    /* One serial number, and one of another type. */
-    unsigned slot = update->basic_id.id_type == ODID_IDTYPE_SERIAL_NUMBER ? 0 : 1;
-    struct aircraft_native_id *native = &aircraft->native_basic_id[slot];
+    struct aircraft_native_id *native;
+    int slot;
 
     /* Once the vehicle says who it is, nothing stands that somebody else has said of it. */
     for (unsigned i = 0; !update->by_another && i < 2; i++) {
@@ -180,6 +214,11 @@ static void take_basic_id(struct aircraft *aircraft, const struct telemetry_upda
             aircraft->basic_id_by_another[i] = false;
         }
     }
+    slot = place_of_id(aircraft, update->basic_id.id_type);
+    if (slot < 0) {
+        return;
+    }
+    native = &aircraft->native_basic_id[slot];
     aircraft->basic_id_by_another[slot] = update->by_another;
     memcpy(native, &update->basic_id, sizeof(update->basic_id));
     if (native->id_type == ODID_IDTYPE_CAA_REGISTRATION_ID) {
@@ -202,7 +241,8 @@ static bool same_page(const struct aircraft_auth_page *a, const struct aircraft_
  * A new page 0, or another page that changed, begins another Authentication
  * message, whose pages count only when all of them have come.
  */
-static void take_authentication(struct aircraft *aircraft, const struct telemetry_update *update)
+static void take_authentication(struct aircraft *aircraft, const struct telemetry_update *update,
+                                int64_t now_us)
 {
     struct aircraft_auth_page page = {
         .type = update->authentication.type,
@@ -220,6 +260,7 @@ static void take_authentication(struct aircraft *aircraft, const struct telemetr
         aircraft->auth_received = 0; /* from now on they are the vehicle's own */
     }
     aircraft->auth_by_another = update->by_another;
+    aircraft->auth_said_us = now_us;
     memcpy(page.data, update->authentication.data, sizeof(page.data));
     have = aircraft->auth_received >> page.page & 1;
     same = have && same_page(&page, &aircraft->auth[page.page]);
@@ -332,7 +373,7 @@ void aircraft_update(struct aircraft *aircraft, const struct telemetry_update *u
         }
         break;
     case TELEMETRY_AUTHENTICATION:
-        take_authentication(aircraft, update);
+        take_authentication(aircraft, update, now_us);
         break;
     case TELEMETRY_SELF_ID:
         aircraft_take_self_id(aircraft, update, now_us);
@@ -347,4 +388,5 @@ void aircraft_update(struct aircraft *aircraft, const struct telemetry_update *u
     case TELEMETRY_COMMAND_ACK: /* asking.h's */
         break;
     }
+    look_whether_it_flies(aircraft, now_us);
 }

@@ -94,6 +94,7 @@ struct aircraft_view {
     bool self_id_set;
     uint8_t description_type;
     char description[24];
+    enum source description_source;
     struct aircraft_system system;
     char operator_id[21]; /* empty when unknown */
     uint8_t operator_id_type;
@@ -102,6 +103,7 @@ struct aircraft_view {
 /* What the autopilot says besides, for status and pilot. */
 struct aircraft_condition {
     bool armed;              /* arming.h */
+    bool flies_unheard;      /* armed by what it does: no HEARTBEAT said so */
     bool emergency;          /* declared, or measured */
     bool emergency_declared; /* by a SELF_ID */
     bool operators_differ;   /* vehicle and ground station each tell an operator's place */
@@ -114,6 +116,7 @@ struct aircraft_condition {
     bool fix_known;           /* the autopilot's, within the last 3 s */
     bool apart;               /* its position isn't where its GNSS receiver is, and doesn't count */
     bool simulated;           /* HEARTBEAT says hardware in the loop */
+    bool altitude_apart;      /* its altitude isn't its receiver's, and doesn't count */
     bool altitudes_differ;    /* native LOCATION's isn't its receiver's: telemetry's goes out */
     bool landed_state_wrong;  /* it contradicts what the aircraft does, and doesn't count */
     bool vertical_inverted;   /* it sends vertical speed upside down: set right (vertical.h) */
@@ -122,6 +125,7 @@ struct aircraft_condition {
     unsigned autopilot_restarts;
     double position_rate_hz; /* new positions a second of the source that speaks; NAN unknown */
     uint8_t basic_id_conflict, operator_id_conflict; /* native differs from configured: 1 */
+    bool operator_ids_differ, descriptions_differ;   /* vehicle's and ground station's */
 };
 
 struct aircraft; /* one per daemon */

@@ -83,11 +83,12 @@ static void fill_from_telemetry(const struct aircraft *aircraft, int64_t now_us,
                                 struct aircraft_location *out)
 {
     const struct aircraft_receiver *receiver = aircraft_receiver(aircraft, now_us);
+    bool apart = aircraft_altitude_is_apart(aircraft, &aircraft->telemetry, now_us);
 
-    if (isnan(out->altitude_geodetic_m)) {
+    if (isnan(out->altitude_geodetic_m) && !apart) {
         out->altitude_geodetic_m = aircraft_geodetic_m(aircraft, &aircraft->telemetry);
     }
-    if (isnan(out->height_m)) {
+    if (isnan(out->height_m) && !apart) {
         out->height_m = aircraft_height_m(aircraft);
         out->height_above_ground = false;
     }
@@ -108,13 +109,14 @@ static void fill_from_native(const struct aircraft *aircraft, int64_t now_us,
                              struct aircraft_location *out)
 {
     const struct aircraft_native_location *native = &aircraft->native_location;
+    bool apart = aircraft_altitude_is_apart(aircraft, &aircraft->native, now_us);
 
     out->altitude_barometric_m = native->altitude_barometric_m; /* telemetry has none */
     out->barometer_accuracy = native->counted.location.barometer_accuracy;
-    if (isnan(out->altitude_geodetic_m) && !aircraft_altitudes_differ(aircraft, now_us)) {
+    if (isnan(out->altitude_geodetic_m) && !apart && !aircraft_altitudes_differ(aircraft, now_us)) {
         out->altitude_geodetic_m = native->altitude_geodetic_m;
     }
-    if (isnan(out->height_m) && native_height_counts(aircraft, now_us)) {
+    if (isnan(out->height_m) && !apart && native_height_counts(aircraft, now_us)) {
         out->height_m = native->counted.location.height_m;
         out->height_above_ground =
             native->counted.location.height_reference == MAV_ODID_HEIGHT_REF_OVER_GROUND;

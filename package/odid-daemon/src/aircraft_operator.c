@@ -34,7 +34,7 @@ void aircraft_forget_speaker(struct aircraft *aircraft, enum aircraft_speaker sp
         for (enum aircraft_ground i = 0; i < AIRCRAFT_GROUNDS; i++) {
             aircraft->ground[i].said_us = INT64_MIN;
         }
-        aircraft->grounds_differ_us = INT64_MIN;
+        aircraft->grounds_differ_us = aircraft->ground_jumped_us = INT64_MIN;
     }
 }
 
@@ -44,7 +44,7 @@ static bool still_said(int64_t said_us, int64_t now_us)
 }
 
 /* Of several on the ground the one that spoke first, until it is silent: they would take turns, and
- * the last word about an emergency would be anybody's. But whoever declares one is heard. */
+ * the last word about an emergency would be anybody's. But what is urgent is heard. */
 static bool is_heard(struct aircraft *aircraft, enum aircraft_ground what,
                      const struct telemetry_update *update, bool urgent, int64_t now_us)
 {
@@ -69,12 +69,19 @@ static void take_text(char *to, const char *from, size_t size)
 
 /* ---- description ---- */
 
+static bool is_emergency(const struct aircraft_description *description, int64_t now_us)
+{
+    return description->type == ODID_DESC_TYPE_EMERGENCY && description->text[0] != '\0' &&
+           still_said(description->said_us, now_us);
+}
+
 void aircraft_take_self_id(struct aircraft *aircraft, const struct telemetry_update *update,
                            int64_t now_us)
 {
     struct aircraft_description *description = &aircraft->description[speaker_of(update)];
-    bool urgent =
-        update->self_id.type == ODID_DESC_TYPE_EMERGENCY && update->self_id.text[0] != '\0';
+    /* But not over one that stands: whoever did it would take it back for the one who declared. */
+    bool urgent = update->self_id.type == ODID_DESC_TYPE_EMERGENCY &&
+                  update->self_id.text[0] != '\0' && !is_emergency(description, now_us);
 
     if (!is_heard(aircraft, GROUND_SELF_ID, update, urgent, now_us)) {
         return;
@@ -88,11 +95,8 @@ const struct aircraft_description *aircraft_emergency_said(const struct aircraft
                                                            int64_t now_us)
 {
     for (enum aircraft_speaker i = 0; i < AIRCRAFT_SPEAKERS; i++) {
-        const struct aircraft_description *description = &aircraft->description[i];
-
-        if (description->type == ODID_DESC_TYPE_EMERGENCY && description->text[0] != '\0' &&
-            still_said(description->said_us, now_us)) {
-            return description;
+        if (is_emergency(&aircraft->description[i], now_us)) {
+            return &aircraft->description[i];
         }
     }
     return NULL;
@@ -209,6 +213,20 @@ static void take_static_fields(struct aircraft_native_system *system,
     system->area_floor_m = update->system.area_floor_m;
 }
 
+/* Two with the same ids, as two QGroundControls have them, take turns. */
+static void watch_jumps(struct aircraft *aircraft, const struct aircraft_native_system *system,
+                        const struct telemetry_update *update, int64_t now_us)
+{
+    bool jumps =
+        place_said(system, now_us) && is_elsewhere(system, update->system.operator_latitude_deg,
+                                                   update->system.operator_longitude_deg);
+
+    if (jumps && still_said(aircraft->ground_jumped_us, now_us)) {
+        aircraft->grounds_differ_us = now_us;
+    }
+    aircraft->ground_jumped_us = jumps ? now_us : aircraft->ground_jumped_us;
+}
+
 void aircraft_take_system(struct aircraft *aircraft, const struct telemetry_update *update,
                           int64_t now_us)
 {
@@ -217,12 +235,20 @@ void aircraft_take_system(struct aircraft *aircraft, const struct telemetry_upda
     bool moved = system->said_us == INT64_MIN || undated ||
                  update->system.timestamp_2019_s != system->timestamp_2019_s;
 
-    if (!is_heard(aircraft, GROUND_SYSTEM, update, false, now_us)) {
-        if (is_elsewhere(system, update->system.operator_latitude_deg,
-                         update->system.operator_longitude_deg)) {
+    bool known = !isnan(update->system.operator_latitude_deg) &&
+                 !earth_is_near_zero(update->system.operator_latitude_deg,
+                                     update->system.operator_longitude_deg);
+
+    /* One without a place, as many stations send it each second, is in nobody's way. */
+    if (!is_heard(aircraft, GROUND_SYSTEM, update, known && !place_said(system, now_us), now_us)) {
+        if (known && is_elsewhere(system, update->system.operator_latitude_deg,
+                                  update->system.operator_longitude_deg)) {
             aircraft->grounds_differ_us = now_us;
         }
         return;
+    }
+    if (known && update->by_another) {
+        watch_jumps(aircraft, system, update, now_us);
     }
     if (update->kind == TELEMETRY_SYSTEM) {
         take_static_fields(system, update);

@@ -203,6 +203,9 @@ bool aircraft_confirm_position(struct aircraft *aircraft, int64_t now_us)
     fix->fix_us = waiting->stamped_us;
     move_to(fix, update->global_position.latitude_deg, update->global_position.longitude_deg,
             now_us);
+    if (fix->altitude_msl_m != update->global_position.altitude_msl_m) {
+        fix->climbed_us = now_us;
+    }
     fix->altitude_msl_m = update->global_position.altitude_msl_m;
     fix->relative_altitude_m = update->global_position.relative_altitude_m;
     fix->north_mps = update->global_position.north_mps;
@@ -349,6 +352,9 @@ bool aircraft_take_location(struct aircraft *aircraft, const struct telemetry_up
         return false;
     }
     native->counted = *update;
+    if (native->altitude_geodetic_m != update->location.altitude_geodetic_m) {
+        aircraft->native.climbed_us = now_us;
+    }
     native->altitude_geodetic_m = update->location.altitude_geodetic_m;
     native->altitude_barometric_m = update->location.altitude_barometric_m;
     correct_px4(aircraft, native);

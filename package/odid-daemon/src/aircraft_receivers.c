@@ -17,6 +17,10 @@
 /* ... but one that doesn't move any more while a receiver does has stopped. */
 #define STILL_US 2000000
 #define STILL_APART_US 3000000
+/* Of altitudes: an estimator goes by its barometer, which the weather lifts by tens of metres in a
+ * long flight. */
+#define HIGH_APART_M 60.0
+#define HIGH_ACCURACY_UNKNOWN_M 15.0
 
 enum { TELEMETRY, NATIVE };
 
@@ -29,21 +33,36 @@ void aircraft_forget_receivers(struct aircraft *aircraft)
     }
     aircraft->no_fix_us = INT64_MIN;
     aircraft->telemetry.apart_us = aircraft->native.apart_us = INT64_MIN;
+    aircraft->telemetry.high_us = aircraft->native.high_us = INT64_MIN;
+}
+
+static bool is_near(const struct aircraft_receiver *receiver, int64_t now_us)
+{
+    return aircraft_fresh(receiver->near_us[TELEMETRY], now_us) ||
+           aircraft_fresh(receiver->near_us[NATIVE], now_us);
+}
+
+/* Two dimensions are less than three; what is more than three makes no difference here. 0: no fix.
+ */
+static unsigned worth(const struct aircraft_receiver *receiver, int64_t now_us)
+{
+    if (!aircraft_fresh(receiver->said_us, now_us) || receiver->fix_type < GPS_FIX_TYPE_2D_FIX) {
+        return 0;
+    }
+    return 1 + (receiver->fix_type > GPS_FIX_TYPE_2D_FIX ? 2 : 0) + is_near(receiver, now_us);
 }
 
 const struct aircraft_receiver *aircraft_receiver(const struct aircraft *aircraft, int64_t now_us)
 {
     const struct aircraft_receiver *best = NULL;
+    unsigned most = 0;
 
     for (unsigned i = 0; i < AIRCRAFT_RECEIVERS; i++) {
-        const struct aircraft_receiver *receiver = &aircraft->receiver[i];
+        unsigned has = worth(&aircraft->receiver[i], now_us);
 
-        /* Two dimensions are less than three; what is more than three makes no difference here. */
-        if (aircraft_fresh(receiver->said_us, now_us) &&
-            receiver->fix_type >= GPS_FIX_TYPE_2D_FIX &&
-            (best == NULL ||
-             (best->fix_type == GPS_FIX_TYPE_2D_FIX && receiver->fix_type > GPS_FIX_TYPE_2D_FIX))) {
-            best = receiver;
+        if (has > most) {
+            best = &aircraft->receiver[i];
+            most = has;
         }
     }
     return best;
@@ -94,13 +113,67 @@ static void compare(struct aircraft *aircraft, struct aircraft_receiver *receive
     }
 }
 
+/* above_m: of the fix, above the receiver. climbs_mps: NAN where that isn't known. */
+static void compare_altitude(const struct aircraft *aircraft,
+                             const struct aircraft_receiver *receiver, struct aircraft_fix *fix,
+                             double above_m, double climbs_mps, int64_t now_us)
+{
+    double accuracy_m = isnan(receiver->vertical_accuracy_m) ? HIGH_ACCURACY_UNKNOWN_M
+                                                             : receiver->vertical_accuracy_m;
+    double limit_m = HIGH_APART_M + 3 * accuracy_m +
+                     (isnan(climbs_mps) ? 0 : fabs(climbs_mps)) *
+                         (DELAY_S + fabs((double)(now_us - fix->fix_us)) * 1e-6);
+
+    if (!aircraft_fresh(fix->fix_us, now_us) || aircraft_receiver(aircraft, now_us) != receiver) {
+        return;
+    }
+    if (!(fabs(above_m) > limit_m)) { /* nor where one of the two isn't known */
+        fix->high_us = INT64_MIN;
+    } else if (fix->high_us == INT64_MIN) {
+        fix->high_us = now_us;
+    }
+}
+
+static bool lasts(const struct aircraft *aircraft, int64_t apart_us, int64_t moved_us,
+                  int64_t now_us)
+{
+    int64_t limit_us = now_us - moved_us > STILL_US ? STILL_APART_US : APART_US;
+
+    return apart_us != INT64_MIN && now_us - apart_us >= limit_us &&
+           aircraft_receiver(aircraft, now_us) != NULL;
+}
+
 bool aircraft_is_apart(const struct aircraft *aircraft, const struct aircraft_fix *fix,
                        int64_t now_us)
 {
-    int64_t limit_us = now_us - fix->moved_us > STILL_US ? STILL_APART_US : APART_US;
+    return lasts(aircraft, fix->apart_us, fix->moved_us, now_us);
+}
 
-    return fix->apart_us != INT64_MIN && now_us - fix->apart_us >= limit_us &&
-           aircraft_receiver(aircraft, now_us) != NULL;
+bool aircraft_altitude_is_apart(const struct aircraft *aircraft, const struct aircraft_fix *fix,
+                                int64_t now_us)
+{
+    return lasts(aircraft, fix->high_us, fix->climbed_us, now_us);
+}
+
+/* One that hangs, or its driver, repeats its last fix with the time that it had. */
+static bool is_repeated(const struct aircraft_receiver *receiver,
+                        const struct telemetry_update *update)
+{
+    return update->gps_raw.time_us != 0 && update->gps_raw.time_us == receiver->time_us &&
+           update->gps_raw.fix_type >= GPS_FIX_TYPE_2D_FIX &&
+           update->gps_raw.fix_type == receiver->fix_type;
+}
+
+static void take_separation(struct aircraft *aircraft, const struct aircraft_receiver *receiver,
+                            int64_t now_us)
+{
+    const struct aircraft_receiver *best = aircraft_receiver(aircraft, now_us);
+
+    /* The geoid changes by metres over tens of kilometres: the last one holds. */
+    if (!isnan(receiver->separation_m) &&
+        (best == receiver || best == NULL || isnan(best->separation_m))) {
+        aircraft->separation_m = receiver->separation_m;
+    }
 }
 
 void aircraft_take_gps_raw(struct aircraft *aircraft, const struct telemetry_update *update,
@@ -110,7 +183,12 @@ void aircraft_take_gps_raw(struct aircraft *aircraft, const struct telemetry_upd
         &aircraft->receiver[update->kind == TELEMETRY_GPS2_RAW ? 1 : 0];
     double native_mps = aircraft->native_location.received.location.speed_mps;
 
+    if (is_repeated(receiver, update)) {
+        return;
+    }
     receiver->said_us = now_us;
+    receiver->time_us = update->gps_raw.time_us;
+    receiver->separation_m = update->gps_raw.separation_m;
     receiver->fix_type = update->gps_raw.fix_type;
     receiver->latitude_deg = update->gps_raw.latitude_deg;
     receiver->longitude_deg = update->gps_raw.longitude_deg;
@@ -127,11 +205,15 @@ void aircraft_take_gps_raw(struct aircraft *aircraft, const struct telemetry_upd
     if (receiver->fix_type < GPS_FIX_TYPE_3D_FIX) {
         return;
     }
-    /* The geoid changes by metres over tens of kilometres: the last one holds. */
-    if (aircraft_receiver(aircraft, now_us) == receiver && !isnan(update->gps_raw.separation_m)) {
-        aircraft->separation_m = update->gps_raw.separation_m;
-    }
+    take_separation(aircraft, receiver, now_us);
     compare(aircraft, receiver, TELEMETRY,
             hypot(aircraft->telemetry.north_mps, aircraft->telemetry.east_mps), now_us);
     compare(aircraft, receiver, NATIVE, isnan(native_mps) ? 0 : native_mps, now_us);
+    compare_altitude(aircraft, receiver, &aircraft->telemetry,
+                     aircraft->telemetry.altitude_msl_m - update->gps_raw.altitude_msl_m,
+                     aircraft->telemetry.vertical_speed_mps, now_us);
+    compare_altitude(aircraft, receiver, &aircraft->native,
+                     aircraft->native_location.altitude_geodetic_m - aircraft->separation_m -
+                         update->gps_raw.altitude_msl_m,
+                     aircraft->native_location.received.location.vertical_speed_mps, now_us);
 }

@@ -18,6 +18,8 @@
 /* Who tells the operator's place seldom, at 3.5 s for instance, is still who tells it; ArduPilot
  * passes each of a ground station's messages on every 5 s. */
 #define AIRCRAFT_SPEAKER_KEPT_US 10000000
+/* Sixteen pages, one a second, come again within this time. */
+#define AIRCRAFT_AUTHENTICATION_KEPT_US 30000000
 
 /* A position as one source gave it last. */
 struct aircraft_fix {
@@ -25,8 +27,10 @@ struct aircraft_fix {
     double latitude_deg, longitude_deg;
     double altitude_msl_m, relative_altitude_m;     /* plain telemetry only */
     double north_mps, east_mps, vertical_speed_mps; /* plain telemetry only */
-    int64_t moved_us; /* when the place was another one than before, last */
-    int64_t apart_us; /* since when it is where no receiver is; INT64_MIN: it isn't */
+    int64_t moved_us;   /* when the place was another one than before, last */
+    int64_t apart_us;   /* since when it is where no receiver is; INT64_MIN: it isn't */
+    int64_t climbed_us; /* the same of its altitude, ... */
+    int64_t high_us;    /* ... which isn't its receiver's since then; INT64_MIN: it is */
 };
 
 /* GPS_RAW_INT's, GPS2_RAW's. */
@@ -34,7 +38,9 @@ struct aircraft_fix {
 struct aircraft_receiver {
     int64_t said_us;                    /* INT64_MIN: never */
     uint8_t fix_type;                   /* GPS_FIX_TYPE */
+    uint64_t time_us;                   /* its own, of whichever clock; 0: not known */
     double latitude_deg, longitude_deg; /* NAN unknown, likewise below */
+    double separation_m;
     double horizontal_accuracy_m, vertical_accuracy_m, speed_accuracy_mps;
     int64_t near_us[2]; /* when it was where telemetry's position is, and the native one */
 };
@@ -111,6 +117,7 @@ struct aircraft {
     bool simulated;      /* it says that it flies in a simulation */
     struct arming arming;
     bool armed;         /* its outcome */
+    bool flies_unheard; /* armed by what it does: no HEARTBEAT said so */
     bool says_disarmed; /* its last word, from one source */
     int64_t armed_us, armed_ended_us;
     unsigned boot_seen; /* the autopilot's starts of which something is known */
@@ -146,10 +153,11 @@ struct aircraft {
     unsigned leap_seen;
     double leap_ahead_s, leap_s;
 
-    struct aircraft_native_id native_basic_id[2]; /* a serial number; another type */
+    struct aircraft_native_id native_basic_id[2]; /* a serial number, or another type; another */
     bool basic_id_by_another[2];                  /* not the vehicle's own word */
     struct aircraft_auth_page auth[TELEMETRY_AUTH_PAGES];
     uint32_t auth_received; /* bit per page */
+    int64_t auth_said_us;   /* the last page */
     bool auth_by_another;
     struct aircraft_description description[AIRCRAFT_SPEAKERS];
     struct aircraft_operator_number operator_number[AIRCRAFT_SPEAKERS];
@@ -157,6 +165,7 @@ struct aircraft {
     enum aircraft_speaker system_speaker; /* whose counts */
     struct aircraft_ground_speaker ground[AIRCRAFT_GROUNDS];
     int64_t grounds_differ_us; /* when another one on the ground said another place, last */
+    int64_t ground_jumped_us;  /* when the one that is heard did */
 };
 
 /* Is an instant, INT64_MIN for never, less than AIRCRAFT_FRESH_US ago? */
@@ -200,13 +209,17 @@ void aircraft_take_gps_raw(struct aircraft *aircraft, const struct telemetry_upd
                            int64_t now_us);
 void aircraft_forget_receivers(struct aircraft *aircraft);
 
-/* The one that has a fix, the first of two that are as good; NULL: none has. */
+/* The one that has a fix, and that the position comes from; of two that are as good the first one.
+ * NULL: none has. */
 const struct aircraft_receiver *aircraft_receiver(const struct aircraft *aircraft, int64_t now_us);
 /* Does any of them say anything, if only that it has none? */
 bool aircraft_receivers_heard(const struct aircraft *aircraft, int64_t now_us);
 /* A receiver flies on, and this position has stayed somewhere else for 3 s. */
 bool aircraft_is_apart(const struct aircraft *aircraft, const struct aircraft_fix *fix,
                        int64_t now_us);
+/* The same of its altitude. */
+bool aircraft_altitude_is_apart(const struct aircraft *aircraft, const struct aircraft_fix *fix,
+                                int64_t now_us);
 
 /* ---- aircraft_takeoff.c ---- */
 

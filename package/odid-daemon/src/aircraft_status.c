@@ -11,8 +11,10 @@
  * ArduCopter's is "on ground" as soon as it is disarmed, under a parachute, too. */
 #define HIGH_M 15.0
 #define HIGH_VERTICAL_MPS 1.5
-/* "On ground" by its landed state it flies away, armed; "in air" it lies there, disarmed: for so
- * long, and that landed state is stuck. */
+/* "On ground" by its landed state it moves that high, armed; "in air" it lies there, disarmed: for
+ * so long, and that landed state is stuck. */
+#define MOVES_MPS 3.0
+#define MOVES_VERTICAL_MPS 0.5
 #define FLIES_US 3000000
 #define LIES_US 30000000
 #define RESTS_MPS 1.0
@@ -61,8 +63,10 @@ static double height_m(const struct aircraft *aircraft, int64_t now_us)
         return NAN;
     }
     /* Armed: above the take-off point, or unknown. */
-    telemetry_m =
-        aircraft_fresh(aircraft->telemetry.fix_us, now_us) ? aircraft_height_m(aircraft) : NAN;
+    telemetry_m = aircraft_fresh(aircraft->telemetry.fix_us, now_us) &&
+                          !aircraft_altitude_is_apart(aircraft, &aircraft->telemetry, now_us)
+                      ? aircraft_height_m(aircraft)
+                      : NAN;
     return isnan(telemetry_m) && aircraft_native_fresh(aircraft, now_us) ? native_height_m(aircraft)
                                                                          : telemetry_m;
 }
@@ -87,7 +91,7 @@ void aircraft_watch_landed_state(struct aircraft *aircraft, int64_t now_us)
     bool lies = aircraft->says_disarmed && !(height > HIGH_M) && speed < RESTS_MPS &&
                 vertical < RESTS_VERTICAL_MPS;
     bool flies =
-        aircraft->armed && height > HIGH_M && (speed > FLYING_MPS || vertical > HIGH_VERTICAL_MPS);
+        aircraft->armed && height > HIGH_M && (speed > MOVES_MPS || vertical > MOVES_VERTICAL_MPS);
     bool on_ground = aircraft->landed_state == MAV_LANDED_STATE_ON_GROUND;
     int64_t limit_us = on_ground ? FLIES_US : LIES_US;
 

@@ -87,9 +87,11 @@ static void view_description(const struct aircraft *aircraft, int64_t now_us,
     if (own) {
         memcpy(view->description, config->description, sizeof(view->description));
         view->description_type = config->description_type;
+        view->description_source = SOURCE_CONFIGURATION;
     } else if (said != NULL) {
         memcpy(view->description, said->text, sizeof(view->description));
         view->description_type = said->type;
+        view->description_source = SOURCE_NATIVE;
     }
     view->self_id_set = view->description[0] != '\0';
 }
@@ -104,11 +106,16 @@ static void view_operator_id(const struct aircraft *aircraft, struct aircraft_vi
     view->operator_id_type = own ? config->operator_id_type : said->type;
 }
 
-static void view_authentication(const struct aircraft *aircraft, struct aircraft_view *view)
+static void view_authentication(const struct aircraft *aircraft, int64_t now_us,
+                                struct aircraft_view *view)
 {
     unsigned pages = aircraft->auth[0].last_page + 1U;
     uint32_t all = (1U << pages) - 1;
 
+    if (aircraft->auth_said_us == INT64_MIN ||
+        now_us - aircraft->auth_said_us >= AIRCRAFT_AUTHENTICATION_KEPT_US) {
+        return;
+    }
     if ((aircraft->auth_received & 1) && pages <= TELEMETRY_AUTH_PAGES &&
         (aircraft->auth_received & all) == all) {
         view->auth_pages = pages;
@@ -186,7 +193,7 @@ void aircraft_view(const struct aircraft *aircraft, int64_t now_us, struct aircr
     memset(view, 0, sizeof(*view));
     view_basic_ids(aircraft, view);
     aircraft_view_location(aircraft, now_us, &view->location);
-    view_authentication(aircraft, view);
+    view_authentication(aircraft, now_us, view);
     view_description(aircraft, now_us, view);
     view_operator_id(aircraft, view);
     view_system(aircraft, now_us, &view->system);
@@ -223,6 +230,27 @@ static bool basic_id_conflict(const struct aircraft *aircraft)
     return false;
 }
 
+static bool texts_differ(const char *a, const char *b)
+{
+    return a[0] != '\0' && b[0] != '\0' && strcmp(a, b) != 0;
+}
+
+static bool operator_ids_differ(const struct aircraft *aircraft)
+{
+    return texts_differ(aircraft->operator_number[AIRCRAFT_SPEAKER_VEHICLE].number,
+                        aircraft->operator_number[AIRCRAFT_SPEAKER_GROUND].number);
+}
+
+/* An emergency is said as such. */
+static bool descriptions_differ(const struct aircraft *aircraft)
+{
+    const struct aircraft_description *vehicle = &aircraft->description[AIRCRAFT_SPEAKER_VEHICLE];
+    const struct aircraft_description *ground = &aircraft->description[AIRCRAFT_SPEAKER_GROUND];
+
+    return vehicle->type != ODID_DESC_TYPE_EMERGENCY && ground->type != ODID_DESC_TYPE_EMERGENCY &&
+           texts_differ(vehicle->text, ground->text);
+}
+
 void aircraft_condition(const struct aircraft *aircraft, int64_t now_us,
                         struct aircraft_condition *condition)
 {
@@ -231,6 +259,7 @@ void aircraft_condition(const struct aircraft *aircraft, int64_t now_us,
 
     memset(condition, 0, sizeof(*condition));
     condition->armed = aircraft->armed;
+    condition->flies_unheard = aircraft->flies_unheard;
     condition->heartbeat_fresh = aircraft_fresh(aircraft->heartbeat_us, now_us);
     condition->emergency = aircraft_is_emergency(aircraft, now_us);
     condition->emergency_declared = aircraft_emergency_said(aircraft, now_us) != NULL;
@@ -251,6 +280,9 @@ void aircraft_condition(const struct aircraft *aircraft, int64_t now_us,
     condition->fix_known = aircraft_fix_known(aircraft, now_us);
     condition->apart = aircraft_is_apart(aircraft, &aircraft->telemetry, now_us) ||
                        aircraft_is_apart(aircraft, &aircraft->native, now_us);
+    condition->altitude_apart =
+        aircraft_altitude_is_apart(aircraft, &aircraft->telemetry, now_us) ||
+        aircraft_altitude_is_apart(aircraft, &aircraft->native, now_us);
     condition->altitudes_differ = aircraft_altitudes_differ(aircraft, now_us);
     condition->landed_state_wrong = aircraft->landed_wrong;
     condition->simulated = aircraft->simulated;
@@ -261,4 +293,8 @@ void aircraft_condition(const struct aircraft *aircraft, int64_t now_us,
     condition->basic_id_conflict = basic_id_conflict(aircraft);
     condition->operator_id_conflict = config->operator_id[0] != '\0' && said->number[0] != '\0' &&
                                       strcmp(config->operator_id, said->number) != 0;
+    condition->operator_ids_differ =
+        config->operator_id[0] == '\0' && operator_ids_differ(aircraft);
+    condition->descriptions_differ =
+        config->description[0] == '\0' && descriptions_differ(aircraft);
 }

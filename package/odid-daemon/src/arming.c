@@ -7,6 +7,12 @@ void arming_init(struct arming *arming, bool armed)
     arming->said_us = INT64_MIN;
 }
 
+void arming_flies(struct arming *arming)
+{
+    arming->armed = true;
+    arming->disarmed_us = INT64_MIN;
+}
+
 bool arming_take(struct arming *arming, bool says_armed, bool doubtful, bool flying, int64_t now_us)
 {
     bool silent =

@@ -31,4 +31,7 @@ void arming_init(struct arming *arming, bool armed);
 bool arming_take(struct arming *arming, bool says_armed, bool doubtful, bool flying,
                  int64_t now_us);
 
+/* No HEARTBEAT comes, and it flies: armed, whatever was said last. */
+void arming_flies(struct arming *arming);
+
 #endif

@@ -19,6 +19,9 @@
 #define DONE_US 1500000
 /* So many questions without any answer: nobody hears them. */
 #define UNHEARD 10
+/* Without another question; and where the last one had no answer, until that is sure. */
+#define PROBE_US 20000000
+#define PROBE_AGAIN_US 3000000
 
 static const struct {
     enum telemetry_kind kind;
@@ -30,12 +33,15 @@ static const struct {
     {TELEMETRY_SYSTEM_TIME, {MAVLINK_MSG_ID_SYSTEM_TIME, 1000000}},
     {TELEMETRY_LANDED_STATE, {MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 1000000}},
     {TELEMETRY_HOME, {MAVLINK_MSG_ID_HOME_POSITION, 1000000}},
+    {TELEMETRY_GPS2_RAW, {MAVLINK_MSG_ID_GPS2_RAW, 1000000}},
 };
+enum { HEARTBEAT = 0, GPS_RAW = 1, GPS2_RAW = ASKING_MESSAGES - 1 };
 
 void asking_begin(struct asking *asking, int64_t now_us)
 {
     memset(asking, 0, sizeof(*asking));
     asking->asked = -1;
+    asking->asked_us = now_us;
     for (unsigned i = 0; i < ASKING_MESSAGES; i++) {
         asking->message[i].heard_us = INT64_MIN;
         asking->message[i].from_us = now_us + SETTLE_US;
@@ -92,9 +98,12 @@ static bool is_often(const struct asking_message *message, const struct asking_r
 void asking_heard(struct asking *asking, const struct telemetry_update *update, int64_t now_us)
 {
     if (update->kind == TELEMETRY_COMMAND_ACK) {
-        asking->heard = true;
+        asking->unanswered = 0;
         take_answer(asking, update);
         return;
+    }
+    if (update->kind == TELEMETRY_GPS_RAW) {
+        asking->fix = update->gps_raw.fix_type >= GPS_FIX_TYPE_2D_FIX;
     }
     for (unsigned i = 0; i < ASKING_MESSAGES; i++) {
         struct asking_message *message = &asking->message[i];
@@ -120,6 +129,29 @@ static bool comes(const struct asking_message *message, const struct asking_requ
            now_us - message->heard_us <= MISSED * (int64_t)request->interval_us;
 }
 
+static bool is_needed(const struct asking *asking, unsigned which, int64_t now_us)
+{
+    return which != GPS2_RAW || !asking->fix ||
+           !comes(&asking->message[GPS_RAW], &needed[GPS_RAW].request, now_us);
+}
+
+static void put_question(struct asking *asking, int which, int64_t now_us,
+                         struct asking_request *request)
+{
+    *request = needed[which].request;
+    asking->asked = which;
+    asking->asked_us = now_us;
+    asking->unanswered++;
+}
+
+/* Nothing has to be asked for. Does it hear us still? */
+static bool is_probed(const struct asking *asking, int64_t now_us)
+{
+    bool unsure = asking->unanswered > 0 && asking->unanswered < UNHEARD;
+
+    return now_us - asking->asked_us >= (unsure ? PROBE_AGAIN_US : PROBE_US);
+}
+
 bool asking_next(struct asking *asking, int64_t now_us, struct asking_request *request)
 {
     if (asking->asked >= 0 && now_us - asking->asked_us < ANSWER_US) {
@@ -130,14 +162,14 @@ bool asking_next(struct asking *asking, int64_t now_us, struct asking_request *r
         struct asking_message *message = &asking->message[i];
 
         if (comes(message, &needed[i].request, now_us)) {
-            asking->heard = asking->heard || message->done; /* that is an answer */
+            if (message->done) { /* that is an answer */
+                asking->unanswered = 0;
+                message->done = false;
+            }
             message->wait_us = AGAIN_US;
-        } else if (!is_given_up(asking, (unsigned)i) && now_us >= message->from_us &&
-                   asking->asked < 0) {
-            *request = needed[i].request;
-            asking->asked = i;
-            asking->asked_us = now_us;
-            asking->questions++;
+        } else if (is_needed(asking, (unsigned)i, now_us) && !is_given_up(asking, (unsigned)i) &&
+                   now_us >= message->from_us && asking->asked < 0) {
+            put_question(asking, i, now_us, request);
             message->asked_for = true;
             message->asked_us = now_us;
             message->done = false;
@@ -147,12 +179,15 @@ bool asking_next(struct asking *asking, int64_t now_us, struct asking_request *r
             message->mean_us = 0;
         }
     }
+    if (asking->asked < 0 && is_probed(asking, now_us)) {
+        put_question(asking, HEARTBEAT, now_us, request);
+    }
     return asking->asked >= 0;
 }
 
 bool asking_unheard(const struct asking *asking)
 {
-    return !asking->heard && asking->questions >= UNHEARD;
+    return asking->unanswered >= UNHEARD;
 }
 
 unsigned asking_refused(const struct asking *asking, int64_t now_us,
@@ -161,7 +196,8 @@ unsigned asking_refused(const struct asking *asking, int64_t now_us,
     unsigned count = 0;
 
     for (unsigned i = 0; i < ASKING_MESSAGES; i++) {
-        if (is_refused(asking, i) && !comes(&asking->message[i], &needed[i].request, now_us)) {
+        if (i != GPS2_RAW && is_refused(asking, i) &&
+            !comes(&asking->message[i], &needed[i].request, now_us)) {
             message_ids[count++] = needed[i].request.message_id;
         }
     }

@@ -10,6 +10,11 @@
  * ignored is asked for more and more seldom, down to once in 48 s, and again
  * within 5 s when it came and stops. HEARTBEAT, GPS_RAW_INT and GLOBAL_POSITION_INT,
  * without which there is no position, are asked for once in 6 s at least, whatever is answered.
+ * GPS2_RAW, a second receiver's, is asked for where the first one's says that there is no fix, or
+ * doesn't come.
+ *
+ * Where nothing has to be asked for, HEARTBEAT is all the same, once in 20 s: an answer says that
+ * the way back works.
  */
 #ifndef ODID_ASKING_H
 #define ODID_ASKING_H
@@ -19,7 +24,7 @@
 
 #include "telemetry.h"
 
-#define ASKING_MESSAGES 6
+#define ASKING_MESSAGES 7
 
 struct asking_message {
     int64_t heard_us, mean_us; /* the last one, INT64_MIN: none; the mean interval, 0: not known */
@@ -34,8 +39,8 @@ struct asking {
     struct asking_message message[ASKING_MESSAGES];
     int asked; /* whose answer is waited for; -1: nobody's */
     int64_t asked_us;
-    unsigned questions;
-    bool heard; /* it has answered, or done what it was asked for */
+    unsigned unanswered; /* questions since it answered, or did what it was asked for */
+    bool fix;            /* GPS_RAW_INT says so */
 };
 
 struct asking_request {
@@ -52,7 +57,7 @@ void asking_heard(struct asking *asking, const struct telemetry_update *update, 
 /* Is there something to ask for now? Called a few times a second. */
 bool asking_next(struct asking *asking, int64_t now_us, struct asking_request *request);
 
-/* Was nothing of it ever answered, or done? Then ARM_STATUS isn't heard either. */
+/* Is nothing of it answered any more, or done? Then ARM_STATUS isn't heard either. */
 bool asking_unheard(const struct asking *asking);
 
 /* Fills the MAVLink ids of the messages that were refused, and don't come as often as needed.

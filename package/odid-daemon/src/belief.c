@@ -580,6 +580,11 @@ bool belief_clock_goes_on(const struct belief *belief, uint32_t boot_ms, int64_t
     return clock->track.known && clock_fits(clock, clock_step_ms(clock, boot_ms, 0), 0, now_us);
 }
 
+void belief_another_speaks(struct belief *belief, int64_t now_us)
+{
+    contradict(belief, now_us);
+}
+
 void belief_new_link(struct belief *belief)
 {
     belief->numbers.known = false;

@@ -113,6 +113,9 @@ void belief_new_link(struct belief *belief);
 /* Would a time since boot, of whoever says it, go on with the believed clock? Changes nothing. */
 bool belief_clock_goes_on(const struct belief *belief, uint32_t boot_ms, int64_t now_us);
 
+/* A frame of the vehicle's, while its autopilot goes on under another number. */
+void belief_another_speaks(struct belief *belief, int64_t now_us);
+
 /* Do two sources contradict each other? */
 bool belief_contradicted(const struct belief *belief, int64_t now_us);
 

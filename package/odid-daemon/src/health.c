@@ -394,6 +394,18 @@ static void judge_conflicts(struct health *health, const struct aircraft_conditi
                 "ground station send SYSTEM.",
                 "two tell the operator's place");
     }
+    if (condition->operator_ids_differ) {
+        WARNING(
+            "The autopilot's is broadcast. Make the ground station's the same, or set [operator] "
+            "operator_id.",
+            "two tell the operator ID");
+    }
+    if (condition->descriptions_differ) {
+        WARNING(
+            "The autopilot's is broadcast. Let one of autopilot and ground station send SELF_ID, "
+            "or set [self_id] description.",
+            "two tell the description");
+    }
     if (condition->basic_id_conflict) {
         WARNING("The configured one is broadcast. Make the ground station's the same, or leave it "
                 "empty there.",
@@ -445,6 +457,11 @@ static void judge_types(struct health *health, const struct health_input *input)
 static void judge_contradictions(struct health *health, const struct health_input *input)
 {
     judge_types(health, input);
+    if (input->condition->altitude_apart) {
+        WARNING("It stands still, or is far from the receiver's: altitude and height are unknown. "
+                "Look at the barometer.",
+                "altitude differs from GNSS");
+    }
     if (input->condition->altitudes_differ) {
         WARNING("The native LOCATION has another altitude than telemetry, perhaps above the sea: "
                 "telemetry's is broadcast.",

@@ -13,7 +13,7 @@
 #include "link.h"
 #include "radio.h"
 
-#define HEALTH_MAX 28
+#define HEALTH_MAX 32
 
 enum health_severity {
     HEALTH_FAULT,   /* not legal to fly: told by ARM_STATUS */

@@ -239,10 +239,10 @@ static void on_look(void *context, int64_t now_us)
     uint8_t vehicle = telemetry_vehicle(self.telemetry);
 
     (void)context;
+    judge(&input, &health, &view, &condition, now_us);
     /* Not before the first HEARTBEAT: the pilot would be told that none came, and it decides
      * whether the kept take-off point counts. */
-    if (telemetry_heartbeat_us(self.telemetry) != INT64_MIN) {
-        judge(&input, &health, &view, &condition, now_us);
+    if (telemetry_heartbeat_us(self.telemetry) != INT64_MIN || condition.flies_unheard) {
         tell(vehicle, health_reason(&health), condition.armed, now_us);
         for (enum channel channel = 0; channel < CHANNELS; channel++) {
             pilot_channel(&self.pilot, vehicle, channel, &self.radios[channel], now_us);

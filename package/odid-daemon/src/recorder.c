@@ -30,6 +30,10 @@ const char *recorder_kind_name(enum recorder_fault_kind kind)
         return "identity";
     case RECORDER_SOURCES:
         return "sources";
+    case RECORDER_EMERGENCY:
+        return "emergency";
+    case RECORDER_SIMULATED:
+        return "simulated";
     case RECORDER_UNDERVOLTAGE:
         return "undervoltage";
     case RECORDER_THROTTLED:
@@ -238,6 +242,9 @@ static void take_needs(struct recorder *recorder, const struct recorder_snapshot
          "Basic ID or operator number is missing");
     need(recorder, RECORDER_SOURCES, !snapshot->two_sources, DUE,
          "two sources speak as the autopilot");
+    need(recorder, RECORDER_EMERGENCY, !snapshot->emergency, DUE, "an emergency is broadcast");
+    need(recorder, RECORDER_SIMULATED, !snapshot->simulated, DUE,
+         "the autopilot flies in a simulation");
 }
 
 /* A short one that was over before anybody looked is said all the same. */

@@ -30,6 +30,8 @@ enum recorder_fault_kind {
     RECORDER_POSITION,     /* none, or it stopped */
     RECORDER_IDENTITY,     /* no Basic ID, or no operator number */
     RECORDER_SOURCES,      /* two speak as the autopilot */
+    RECORDER_EMERGENCY,    /* declared, or measured */
+    RECORDER_SIMULATED,    /* the autopilot says that it flies in a simulation */
     RECORDER_UNDERVOLTAGE, /* the board's supply */
     RECORDER_THROTTLED,    /* the processor is slowed down */
     RECORDER_KINDS,        /* the kinds whose armed time is counted */
@@ -64,7 +66,8 @@ struct recorder_snapshot {
     int64_t daemon_start_us;
     struct recorder_channel_status channels[CHANNELS];
     bool armed_known, armed;
-    bool two_sources;              /* speak as the autopilot */
+    bool two_sources; /* speak as the autopilot */
+    bool emergency, simulated;
     bool link, position, identity; /* as they should be */
     int64_t unix_us;               /* UTC by the autopilot; 0 when unknown */
     struct recorder_board board;

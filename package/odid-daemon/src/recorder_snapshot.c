@@ -65,6 +65,8 @@ void recorder_snapshot(struct recorder_snapshot *snapshot, struct json_object *s
     snapshot->identity = json_object_is_type(ids, json_type_array) &&
                          json_object_array_length(ids) > 0 &&
                          recorder_json_find(status, "identity.operator_id.operator_id") != NULL;
+    snapshot->emergency = recorder_json_true(status, "aircraft.emergency");
+    snapshot->simulated = recorder_json_true(status, "aircraft.simulated");
     snapshot->two_sources = recorder_json_true(status, "mavlink.contradicted");
     snapshot->unix_us = recorder_json_utc_us(status, "time.utc");
 }

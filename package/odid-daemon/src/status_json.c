@@ -195,7 +195,6 @@ static void add_identity(struct json_object *root, const struct health_input *in
 {
     const struct aircraft_view *view = input->view;
     struct json_object *identity = add_object(root, "identity"), *object;
-    bool configured = input->config->description[0] != '\0';
 
     add_basic_ids(identity, view);
     add_operator_id(identity, input);
@@ -203,9 +202,7 @@ static void add_identity(struct json_object *root, const struct health_input *in
     add_text(object, "description", view->self_id_set ? view->description : "");
     add_text(object, "type", config_code_name(config_description_types, view->description_type));
     add_text(object, "source",
-             source_name(!view->self_id_set ? SOURCE_NONE
-                         : configured       ? SOURCE_CONFIGURATION
-                                            : SOURCE_NATIVE));
+             source_name(view->self_id_set ? view->description_source : SOURCE_NONE));
     object = add_object(identity, "classification");
     add_text(object, "type",
              config_code_name(config_classification_types, view->system.classification_type));
@@ -288,6 +285,7 @@ static void add_aircraft(struct json_object *root, const struct aircraft_conditi
     add_bool(object, "heartbeat", known);
     add(object, "armed", known ? json_object_new_boolean(condition->armed) : NULL);
     add(object, "emergency", known ? json_object_new_boolean(condition->emergency) : NULL);
+    add_bool(object, "simulated", condition->simulated);
     add_count(object, "mav_type", condition->mav_type);
     add_count(object, "autopilot", condition->autopilot);
     add_count(object, "restarts", condition->autopilot_restarts);

@@ -30,6 +30,10 @@ struct renamed {
     unsigned same_clock;
 };
 
+/* So often by its clock, and by its numbers, and whoever goes on under the old id is another one.
+ */
+#define RENAMED_FOR_SURE 2
+
 struct telemetry {
     telemetry_fn *deliver;
     void *context;
@@ -233,6 +237,16 @@ static void watch_renamed(struct telemetry *telemetry, const mavlink_message_t *
     renamed->heard_us = now_us;
 }
 
+/* It goes on under another number, and somebody else under its own. */
+static bool is_renamed_for_sure(const struct telemetry *telemetry, int64_t now_us)
+{
+    const struct renamed *renamed = &telemetry->renamed;
+
+    return renamed->system != 0 && renamed->same_numbers &&
+           renamed->same_clock >= RENAMED_FOR_SURE &&
+           now_us - renamed->heard_us < RENAMED_SILENT_US;
+}
+
 static void rename_vehicle(struct telemetry *telemetry, uint8_t system_id)
 {
     vehicle_rename(&telemetry->vehicle, system_id);
@@ -323,7 +337,11 @@ static void take_frame(struct telemetry *telemetry, unsigned stream,
                         now_us);
         telemetry->latest = *message;
         telemetry->latest_us = now_us;
-        telemetry->renamed.system = 0;
+        if (is_renamed_for_sure(telemetry, now_us)) {
+            belief_another_speaks(&telemetry->belief, now_us);
+        } else if (!telemetry->renamed.same_numbers) {
+            telemetry->renamed.system = 0;
+        }
         telemetry->vehicle_stream = (int)stream;
     } else if (message->compid == MAV_COMP_ID_AUTOPILOT1 && message->sysid != 0 &&
                telemetry->vehicle_stream == (int)stream &&

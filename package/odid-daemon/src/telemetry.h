@@ -58,7 +58,9 @@ struct telemetry_update {
         } system_time;
         struct {
             uint8_t fix_type;                   /* GPS_FIX_TYPE */
+            uint64_t time_us;                   /* the fix's, of whichever clock; 0: not known */
             double latitude_deg, longitude_deg; /* the receiver's own; NAN when it has none */
+            double altitude_msl_m;              /* likewise */
             double separation_m; /* ellipsoid height minus height above mean sea level */
             double horizontal_accuracy_m, vertical_accuracy_m, speed_accuracy_mps;
         } gps_raw;

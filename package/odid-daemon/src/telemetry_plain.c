@@ -45,6 +45,8 @@ static double separation_or_nan(int32_t above_ellipsoid_mm, int32_t above_sea_mm
 #define READ_RECEIVER(raw, update)                                                                 \
     do {                                                                                           \
         (update)->gps_raw.fix_type = (raw).fix_type;                                               \
+        (update)->gps_raw.time_us = (raw).time_usec;                                               \
+        (update)->gps_raw.altitude_msl_m = (raw).alt == 0 ? NAN : (raw).alt / 1000.0;              \
         place((raw).lat, (raw).lon, &(update)->gps_raw.latitude_deg,                               \
               &(update)->gps_raw.longitude_deg);                                                   \
         (update)->gps_raw.separation_m = separation_or_nan((raw).alt_ellipsoid, (raw).alt);        \

@@ -35,6 +35,8 @@ static struct {
     uint8_t system_status, mav_type, autopilot, fix_type;
     double gps_latitude_deg, gps_longitude_deg; /* its receiver's own; NAN: it doesn't say */
     double latitude_deg, longitude_deg, altitude_m, relative_m, north_mps, east_mps, up_mps;
+    double gps_altitude_m; /* above the sea */
+    uint64_t gps_time_us;  /* 0: it says none */
     double separation_m, horizontal_m, vertical_m, speed_mps;
     double native_ahead_s; /* native timestamps minus UTC */
 } sim;
@@ -67,7 +69,7 @@ static inline void begin(void)
     sim.fix_type = 3;
     sim.latitude_deg = 57.7089;
     sim.longitude_deg = 11.9746;
-    sim.gps_latitude_deg = sim.gps_longitude_deg = NAN;
+    sim.gps_latitude_deg = sim.gps_longitude_deg = sim.gps_altitude_m = NAN;
     sim.altitude_m = 84;
     sim.separation_m = 36.4;
     sim.horizontal_m = 1.2;
@@ -155,6 +157,8 @@ static inline void gps(void)
     struct telemetry_update update = update_of(TELEMETRY_GPS_RAW);
 
     update.gps_raw.fix_type = sim.fix_type;
+    update.gps_raw.time_us = sim.gps_time_us;
+    update.gps_raw.altitude_msl_m = sim.gps_altitude_m;
     update.gps_raw.latitude_deg = sim.gps_latitude_deg;
     update.gps_raw.longitude_deg = sim.gps_longitude_deg;
     update.gps_raw.separation_m = sim.separation_m;

@@ -31,6 +31,17 @@ static void native_operator(const char *id)
     give(&update);
 }
 
+static void operator_by_ground(const char *id)
+{
+    struct telemetry_update update = update_of(TELEMETRY_OPERATOR_ID);
+
+    update.by_another = true;
+    strcpy(update.operator_id.operator_id, id);
+    give(&update);
+}
+
+static void description_by_ground(uint8_t type, const char *text);
+
 static void native_description(uint8_t type, const char *text)
 {
     struct telemetry_update update = update_of(TELEMETRY_SELF_ID);
@@ -98,6 +109,51 @@ static void two_native_ids_are_kept_side_by_side(void **state)
     look();
     assert_int_equal(view.basic_ids, 2);
     assert_id(0, 1, 4, "1AAA3ZZZ", SOURCE_NATIVE);
+}
+
+/* A registration and a session's: there is room for both, and they took turns in one place. */
+static void two_that_are_no_serial_numbers_have_a_place_each(void **state)
+{
+    (void)state;
+    for (unsigned i = 0; i < 3; i++) {
+        native_id(2, 4, "SE-123");
+        native_id(4, 4, "A-SESSION");
+        look();
+        assert_int_equal(view.basic_ids, 2);
+        assert_true(view.basic_id[0].id_type + view.basic_id[1].id_type == 6);
+    }
+    native_id(1, 4, "1AAA3XYZ"); /* it comes first, and one of the others stays */
+    native_id(2, 4, "SE-123");
+    look();
+    assert_int_equal(view.basic_ids, 2);
+    assert_id(0, 1, 4, "1AAA3XYZ", SOURCE_NATIVE);
+    assert_id(1, 2, 4, "SE-123", SOURCE_NATIVE);
+    native_id(4, 4, "A-SESSION"); /* for a third one there is none */
+    look();
+    assert_id(1, 2, 4, "SE-123", SOURCE_NATIVE);
+}
+
+/* Nothing is configured, and two say something else: the autopilot's goes out, and it is told. */
+static void what_two_say_differently_is_told(void **state)
+{
+    (void)state;
+    native_operator("FIN87astrdge12k8");
+    native_description(0, "sea rescue");
+    look();
+    assert_false(condition.operator_ids_differ || condition.descriptions_differ);
+    description_by_ground(0, "sea rescue");
+    look();
+    assert_false(condition.descriptions_differ);
+    description_by_ground(0, "survey");
+    operator_by_ground("SWE87astrdge12k8");
+    look();
+    assert_true(condition.operator_ids_differ && condition.descriptions_differ);
+    assert_string_equal(view.description, "sea rescue");
+    assert_string_equal(view.operator_id, "FIN87astrdge12k8");
+    strcpy(config.operator_id, "FIN87astrdge12k8");
+    strcpy(config.description, "sea rescue");
+    look();
+    assert_false(condition.operator_ids_differ || condition.descriptions_differ);
 }
 
 static void ground_stations_id(uint8_t id_type, const char *id)
@@ -424,6 +480,24 @@ static void authentication_counts_when_all_pages_have_come(void **state)
     assert_int_equal(view.auth[0].timestamp_2019_s, 5);
 }
 
+/* It is of its time: who sends it no more has taken it back. */
+static void authentication_ends_by_silence(void **state)
+{
+    (void)state;
+    for (unsigned i = 0; i < 16; i++) {
+        page(i, 15, 5, (uint8_t)i);
+        fly(1);
+    }
+    fly(13);
+    assert_int_equal(view.auth_pages, 16);
+    fly(2);
+    assert_int_equal(view.auth_pages, 16);
+    fly(15);
+    assert_int_equal(view.auth_pages, 0);
+    page(3, 15, 5, 3); /* it goes on with any page of the same */
+    assert_int_equal(view.auth_pages, 16);
+}
+
 static void authentication_of_one_page_is_whole(void **state)
 {
     (void)state;
@@ -542,6 +616,9 @@ int main(void)
         cmocka_unit_test_setup(pages_of_two_authentications_never_mix, begin_setup),
         cmocka_unit_test_setup(joining_in_the_middle_waits_for_page_0, begin_setup),
         cmocka_unit_test_setup(impossible_pages_are_ignored, begin_setup),
+        cmocka_unit_test_setup(authentication_ends_by_silence, begin_setup),
+        cmocka_unit_test_setup(two_that_are_no_serial_numbers_have_a_place_each, begin_setup),
+        cmocka_unit_test_setup(what_two_say_differently_is_told, begin_setup),
     };
 
     return cmocka_run_group_tests_name("aircraft, identity", tests, NULL, NULL);

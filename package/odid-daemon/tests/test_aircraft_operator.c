@@ -427,6 +427,43 @@ static void of_two_ground_stations_the_first_one_counts_until_it_is_silent(void 
     assert_false(condition.operators_differ);
 }
 
+/* QGroundControl without a place of its own sends 0,0 each second; and 255/190 is everyone's. */
+static void who_has_no_place_is_in_nobodys_way(void **state)
+{
+    (void)state;
+    fly(5);
+    for (unsigned i = 0; i < 10; i++) {
+        struct telemetry_update none = system_message(TELEMETRY_SYSTEM);
+
+        none.by_another = true;
+        none.speaker = PILOTS_STATION;
+        none.system.operator_latitude_deg = none.system.operator_longitude_deg = 0;
+        give(&none);
+        say_as(ANOTHER_STATION, LIVE, 51);
+        assert_true(operator_is(51));
+        assert_false(condition.operators_differ);
+        fly(1);
+    }
+}
+
+static void two_stations_of_one_number_are_told(void **state)
+{
+    (void)state;
+    fly(5);
+    for (unsigned i = 0; i < 10; i++) {
+        say_as(PILOTS_STATION, LIVE, 51);
+        fly(0.5);
+        say_as(PILOTS_STATION, LIVE, 47);
+        fly(0.5);
+        assert_true(i < 1 || condition.operators_differ);
+    }
+    for (unsigned i = 0; i < 12; i++) {
+        say_as(PILOTS_STATION, LIVE, 51 + i * 1e-4);
+        fly(1);
+    }
+    assert_false(condition.operators_differ);
+}
+
 static struct telemetry_update described(uint16_t speaker, uint8_t type, const char *text)
 {
     struct telemetry_update update = update_of(TELEMETRY_SELF_ID);
@@ -457,15 +494,20 @@ static void an_emergency_is_taken_back_by_who_declared_it(void **state)
         assert_int_equal(view.location.status, AIRCRAFT_EMERGENCY);
         fly(0.5);
     }
+    give(&theirs); /* it stays the pilot's, and so does its end */
+    give(&others);
+    look();
+    assert_string_equal(view.description, "engine failure");
+    assert_int_equal(view.location.status, AIRCRAFT_EMERGENCY);
+    give(&ended);
+    look();
+    assert_int_not_equal(view.location.status, AIRCRAFT_EMERGENCY);
     give(&theirs);
     look();
     assert_string_equal(view.description, "bird strike");
-    give(&ended); /* it is another one's now */
+    give(&ended); /* that one is another's */
     look();
     assert_int_equal(view.location.status, AIRCRAFT_EMERGENCY);
-    give(&others);
-    look();
-    assert_int_not_equal(view.location.status, AIRCRAFT_EMERGENCY);
 }
 
 /* ArduPilot passes on what the ground station says. */
@@ -509,6 +551,8 @@ int main(void)
                                begin_setup),
         cmocka_unit_test_setup(an_emergency_is_taken_back_by_who_declared_it, begin_setup),
         cmocka_unit_test_setup(one_place_by_two_ways_is_no_difference, begin_setup),
+        cmocka_unit_test_setup(who_has_no_place_is_in_nobodys_way, begin_setup),
+        cmocka_unit_test_setup(two_stations_of_one_number_are_told, begin_setup),
     };
 
     return cmocka_run_group_tests_name("aircraft, System", tests, NULL, NULL);

@@ -386,6 +386,7 @@ static void a_second_receivers_fix_is_one(void **state)
     sim.fix_type = GPS_FIX_TYPE_NO_FIX;
     second.gps_raw.fix_type = GPS_FIX_TYPE_3D_FIX;
     second.gps_raw.latitude_deg = second.gps_raw.longitude_deg = NAN;
+    second.gps_raw.altitude_msl_m = NAN;
     second.gps_raw.horizontal_accuracy_m = 25;
     second.gps_raw.vertical_accuracy_m = 40;
     second.gps_raw.speed_accuracy_mps = 2;
@@ -451,13 +452,87 @@ static void a_position_is_near_where_any_receiver_is(void **state)
     second.gps_raw.fix_type = GPS_FIX_TYPE_RTK_FIXED;
     second.gps_raw.latitude_deg = sim.gps_latitude_deg = sim.latitude_deg;
     second.gps_raw.longitude_deg = sim.gps_longitude_deg = sim.longitude_deg;
-    second.gps_raw.horizontal_accuracy_m = second.gps_raw.separation_m = NAN;
+    second.gps_raw.horizontal_accuracy_m = 25;
+    second.gps_raw.separation_m = second.gps_raw.altitude_msl_m = NAN;
     for (unsigned i = 0; i < 60; i++) {
         sim.gps_latitude_deg += i < 30 ? 10.0 / 111320 : 0;
         give(&second);
         fly(1);
         assert_true(i < 1 || view.location.position_fresh);
     }
+    assert_int_equal(view.location.horizontal_accuracy, 9);    /* of the one that is there */
+    assert_near(view.location.altitude_geodetic_m, 84 + 36.4); /* which only the first one knows */
+}
+
+/* Its driver goes on with the last fix, and the time of that. */
+static void a_receiver_that_repeats_itself_has_no_fix(void **state)
+{
+    (void)state;
+    sim.gps_latitude_deg = sim.latitude_deg;
+    sim.gps_longitude_deg = sim.longitude_deg;
+    for (unsigned i = 0; i < 20; i++) {
+        sim.gps_time_us += 1000000;
+        fly(1);
+        assert_true(i < 1 || view.location.position_fresh);
+    }
+    fly(7);
+    assert_false(view.location.position_fresh);
+    assert_false(condition.fix_known);
+    assert_int_equal(view.location.status, AIRCRAFT_REMOTE_ID_FAILURE);
+    sim.gps_time_us = 1; /* it has started again */
+    fly(2);
+    assert_true(view.location.position_fresh);
+}
+
+/* A barometer, or the estimator's altitude, that has stopped: the receiver climbs, the place moves
+ * on. */
+static void an_altitude_where_its_receiver_is_not_is_unknown(void **state)
+{
+    (void)state;
+    sim.gps_altitude_m = sim.altitude_m;
+    arm(true);
+    fly(5);
+    for (unsigned i = 0; i < 40; i++) {
+        sim.latitude_deg += 10.0 / 111320;
+        sim.gps_altitude_m += 5;
+        fly(1);
+        if (i < 12) { /* 60 m, and what it can be wrong by */
+            assert_near(view.location.altitude_geodetic_m, 84 + 36.4);
+        } else if (i > 19) {
+            assert_true(isnan(view.location.altitude_geodetic_m) && isnan(view.location.height_m));
+            assert_true(condition.altitude_apart && view.location.position_fresh);
+        }
+    }
+    sim.altitude_m = sim.gps_altitude_m;
+    fly(1.2);
+    assert_near(view.location.altitude_geodetic_m, sim.altitude_m + 36.4);
+    assert_false(condition.altitude_apart);
+}
+
+/* A long flight in falling pressure; and a receiver that is off for ten seconds. */
+static void an_altitude_may_differ_from_the_receivers(void **state)
+{
+    (void)state;
+    for (unsigned i = 0; i < 120; i++) {
+        sim.altitude_m += 0.5;
+        sim.gps_altitude_m = sim.altitude_m - 50 - (i > 50 && i < 61 ? 200 : 0);
+        fly(1);
+        assert_near(view.location.altitude_geodetic_m, sim.altitude_m + 36.4);
+    }
+}
+
+/* Native alone, above the sea where it should be above the ellipsoid, or as if it were in feet. */
+static void a_native_altitude_where_its_receiver_is_not_is_unknown(void **state)
+{
+    (void)state;
+    sim.native = true;
+    sim.position = false;
+    sim.gps_altitude_m = 84;
+    fly(20);
+    assert_near(view.location.altitude_geodetic_m, 125);
+    sim.gps_altitude_m = 350;
+    fly(20);
+    assert_true(isnan(view.location.altitude_geodetic_m) && view.location.position_fresh);
 }
 
 /* It is off for ten seconds, and the estimator rightly flies on. */
@@ -562,6 +637,10 @@ int main(void)
         cmocka_unit_test_setup(a_position_is_near_where_any_receiver_is, begin_setup),
         cmocka_unit_test_setup(a_receiver_that_jumps_away_for_a_while_is_not_believed, begin_setup),
         cmocka_unit_test_setup(a_receiver_is_near_enough, begin_setup),
+        cmocka_unit_test_setup(a_receiver_that_repeats_itself_has_no_fix, begin_setup),
+        cmocka_unit_test_setup(an_altitude_where_its_receiver_is_not_is_unknown, begin_setup),
+        cmocka_unit_test_setup(an_altitude_may_differ_from_the_receivers, begin_setup),
+        cmocka_unit_test_setup(a_native_altitude_where_its_receiver_is_not_is_unknown, begin_setup),
         cmocka_unit_test_setup(delays_that_end_do_not_bend_utc, begin_setup),
         cmocka_unit_test_setup(an_inverted_vertical_speed_is_set_right_and_said, begin_setup),
     };

@@ -437,6 +437,26 @@ static void a_landed_state_that_stays_on_the_ground_is_not_believed(void **state
     assert_int_equal(view.location.status, AIRCRAFT_GROUND);
 }
 
+/* The same of one that is slow: it would stay "ground" at 15 m and at 100 m. */
+static void a_slow_aircraft_flies_too(void **state)
+{
+    (void)state;
+    for (unsigned climbs = 0; climbs < 2; climbs++) {
+        begin();
+        fly(5);
+        arm(true);
+        sim.altitude_m += 20;
+        sim.north_mps = climbs ? 0 : 5;
+        sim.up_mps = climbs ? 1 : 0;
+        for (unsigned i = 0; i < 10; i++) {
+            landed(MAV_LANDED_STATE_ON_GROUND);
+            sim.altitude_m += sim.up_mps;
+            fly(1);
+            assert_true(i < 6 || view.location.status == AIRCRAFT_AIRBORNE);
+        }
+    }
+}
+
 /* "In air" for ever, by its landed state or the native status: it lies there, disarmed. */
 static void a_landed_state_that_stays_in_the_air_is_not_believed(void **state)
 {
@@ -503,6 +523,29 @@ static void another_vehicle_starts_from_nothing(void **state)
     assert_about((double)condition.unix_us, (double)(sim.utc_us + now_us), 20000);
 }
 
+/* Another station keeps them from us, or the link does, from before it was armed: an old "disarmed"
+ * would open settings and updates in the air. */
+static void without_heartbeats_what_flies_is_armed(void **state)
+{
+    (void)state;
+    arm(false);
+    fly(5);
+    sim.heartbeat = false;
+    fly(10);
+    assert_false(condition.armed);
+    sim.north_mps = 15;
+    fly(1);
+    assert_true(condition.armed && condition.flies_unheard);
+    sim.north_mps = 0;
+    fly(30); /* it may be hovering */
+    assert_true(condition.armed);
+    sim.heartbeat = true;
+    fly(2);
+    assert_true(condition.armed && !condition.flies_unheard);
+    fly(4);
+    assert_false(condition.armed);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -530,7 +573,9 @@ int main(void)
         cmocka_unit_test_setup(moved_after_landing_it_is_on_the_ground, begin_setup),
         cmocka_unit_test_setup(a_landed_state_that_stays_on_the_ground_is_not_believed,
                                begin_setup),
+        cmocka_unit_test_setup(a_slow_aircraft_flies_too, begin_setup),
         cmocka_unit_test_setup(a_landed_state_that_stays_in_the_air_is_not_believed, begin_setup),
+        cmocka_unit_test_setup(without_heartbeats_what_flies_is_armed, begin_setup),
         cmocka_unit_test_setup(what_moves_is_in_the_air_as_it_says, begin_setup),
         cmocka_unit_test_setup(another_vehicle_starts_from_nothing, begin_setup),
     };

@@ -13,9 +13,9 @@
 
 #define MS INT64_C(1000)
 #define SECOND INT64_C(1000000)
-#define MESSAGES 6
-#define ALL (MESSAGES + 1)
-#define VITAL 3 /* the first of them: without these there is no position */
+#define MESSAGES 7
+#define ALL (MESSAGES + 1) /* but the second receiver's, which is asked for where it is needed */
+#define VITAL 3            /* the first of them: without these there is no position */
 
 static const struct {
     uint16_t id;
@@ -25,8 +25,9 @@ static const struct {
     {0, TELEMETRY_HEARTBEAT, 1000000},       {24, TELEMETRY_GPS_RAW, 1000000},
     {33, TELEMETRY_GLOBAL_POSITION, 200000}, {2, TELEMETRY_SYSTEM_TIME, 1000000},
     {245, TELEMETRY_LANDED_STATE, 1000000},  {242, TELEMETRY_HOME, 1000000},
+    {124, TELEMETRY_GPS2_RAW, 1000000},
 };
-enum { HEARTBEAT, GPS_RAW, POSITION, SYSTEM_TIME, LANDED_STATE, HOME };
+enum { HEARTBEAT, GPS_RAW, POSITION, SYSTEM_TIME, LANDED_STATE, HOME, GPS2_RAW };
 
 static struct asking asking;
 static int64_t now_us;
@@ -35,6 +36,8 @@ static uint32_t sends_us[MESSAGES];
 static enum { OBEYS, REFUSES, IGNORES } when_asked[MESSAGES];
 static unsigned asked[MESSAGES];
 static int64_t asked_us[MESSAGES];
+static unsigned probes; /* questions for a HEARTBEAT that comes */
+static uint8_t fix_type;
 
 static int setup(void **state)
 {
@@ -43,6 +46,8 @@ static int setup(void **state)
     memset(sends_us, 0, sizeof(sends_us));
     memset(when_asked, 0, sizeof(when_asked));
     memset(asked, 0, sizeof(asked));
+    probes = 0;
+    fix_type = GPS_FIX_TYPE_3D_FIX;
     asking_begin(&asking, now_us);
     return 0;
 }
@@ -74,8 +79,12 @@ static void take(const struct asking_request *request)
             continue;
         }
         assert_int_equal(request->interval_us, message[i].interval_us);
-        asked[i]++;
-        asked_us[i] = now_us;
+        if (i == HEARTBEAT && sends_us[i] == message[i].interval_us) {
+            probes++;
+        } else {
+            asked[i]++;
+            asked_us[i] = now_us;
+        }
         if (when_asked[i] == OBEYS) {
             sends_us[i] = request->interval_us;
             answer(MAV_RESULT_ACCEPTED, MAV_CMD_SET_MESSAGE_INTERVAL);
@@ -99,6 +108,7 @@ static void pass(double seconds)
             if (sends_us[i] != 0 && now_us % sends_us[i] == 0) {
                 struct telemetry_update update = {.kind = message[i].kind};
 
+                update.gps_raw.fix_type = fix_type;
                 asking_heard(&asking, &update, now_us);
             }
         }
@@ -111,7 +121,7 @@ static void pass(double seconds)
 static void expect_asked(unsigned which, unsigned times)
 {
     for (unsigned i = 0; i < MESSAGES; i++) {
-        if (which == ALL || which == i) {
+        if ((which == ALL && i != GPS2_RAW) || which == i) {
             assert_int_equal(asked[i], times);
         }
     }
@@ -188,7 +198,7 @@ static void what_was_switched_off_is_asked_for_again_within_5_s(void **state)
 
         memset(sends_us, 0, sizeof(sends_us));
         pass(8);
-        for (unsigned i = 0; i < MESSAGES; i++) {
+        for (unsigned i = 0; i < GPS2_RAW; i++) {
             assert_int_equal(asked[i], round);
             assert_true(asked_us[i] - off_us <= 5 * SECOND);
         }
@@ -202,7 +212,7 @@ static void a_refusal_is_remembered_until_the_autopilot_restarts(void **state)
         when_asked[i] = i == LANDED_STATE ? REFUSES : OBEYS;
     }
     pass(600);
-    for (unsigned i = 0; i < MESSAGES; i++) {
+    for (unsigned i = 0; i < GPS2_RAW; i++) {
         assert_int_equal(asked[i], i == LANDED_STATE ? 2 : 1);
     }
     assert_true(refused(245));
@@ -268,9 +278,50 @@ static void an_autopilot_that_hears_nothing_is_found_out(void **state)
     sends_us[POSITION] = message[POSITION].interval_us; /* by itself: it has its first fix */
     pass(100);
     assert_true(asking_unheard(&asking));
-    when_asked[LANDED_STATE] = OBEYS;
+    for (unsigned i = 0; i < MESSAGES; i++) {
+        when_asked[i] = OBEYS;
+    }
     pass(60);
     assert_false(asking_unheard(&asking));
+}
+
+/* Its streams come by themselves: nothing had to be asked for, and nobody noticed. */
+static void a_way_back_that_breaks_later_is_found_out(void **state)
+{
+    (void)state;
+    for (unsigned i = 0; i < MESSAGES; i++) {
+        sends_us[i] = message[i].interval_us;
+    }
+    pass(300);
+    assert_in_range(probes, 12, 16);
+    assert_false(asking_unheard(&asking));
+    when_asked[HEARTBEAT] = IGNORES;
+    pass(55);
+    assert_true(asking_unheard(&asking));
+    when_asked[HEARTBEAT] = REFUSES; /* which is an answer */
+    pass(25);
+    assert_false(asking_unheard(&asking));
+}
+
+/* Where the first receiver has a fix, nobody needs the second one's. */
+static void a_second_receiver_is_asked_for_when_the_first_has_no_fix(void **state)
+{
+    (void)state;
+    for (unsigned i = 0; i < GPS2_RAW; i++) {
+        sends_us[i] = message[i].interval_us;
+    }
+    pass(60);
+    expect_asked(GPS2_RAW, 0);
+    fix_type = GPS_FIX_TYPE_NO_FIX;
+    pass(5);
+    expect_asked(GPS2_RAW, 1);
+    assert_int_equal(sends_us[GPS2_RAW], message[GPS2_RAW].interval_us);
+    setup(NULL);
+    when_asked[GPS_RAW] = when_asked[GPS2_RAW] = REFUSES; /* nor has it one */
+    pass(600);
+    expect_asked(GPS2_RAW, 2);
+    assert_false(refused(124));
+    assert_true(refused(24));
 }
 
 static void a_refusal_is_an_answer(void **state)
@@ -325,6 +376,8 @@ int main(void)
         cmocka_unit_test_setup(what_a_position_needs_is_never_given_up, setup),
         cmocka_unit_test_setup(who_never_answers_is_asked_more_and_more_seldom, setup),
         cmocka_unit_test_setup(an_autopilot_that_hears_nothing_is_found_out, setup),
+        cmocka_unit_test_setup(a_way_back_that_breaks_later_is_found_out, setup),
+        cmocka_unit_test_setup(a_second_receiver_is_asked_for_when_the_first_has_no_fix, setup),
         cmocka_unit_test_setup(a_refusal_is_an_answer, setup),
         cmocka_unit_test_setup(the_answer_to_another_command_says_nothing, setup),
     };

@@ -413,6 +413,37 @@ static void two_sources_keep_from_arming(void **state)
     expect_one(HEALTH_FAULT, "two speak as the autopilot");
 }
 
+/* What a sender says twice, and not alike; what is invented; and what only the moment knows. */
+static void each_contradiction_is_told_alone(void **state)
+{
+    struct aircraft_condition *condition = &fixture.condition;
+    const struct {
+        bool *field;
+        enum health_severity severity;
+        const char *reason;
+    } told[] = {
+        {&condition->simulated, HEALTH_FAULT, "simulated flight (HIL mode)"},
+        {&condition->emergency_declared, HEALTH_WARNING, "an emergency is declared"},
+        {&condition->operators_differ, HEALTH_WARNING, "two tell the operator's place"},
+        {&condition->operator_ids_differ, HEALTH_WARNING, "two tell the operator ID"},
+        {&condition->descriptions_differ, HEALTH_WARNING, "two tell the description"},
+        {&condition->altitude_apart, HEALTH_WARNING, "altitude differs from GNSS"},
+        {&condition->altitudes_differ, HEALTH_WARNING, "native altitude not believed"},
+        {&condition->landed_state_wrong, HEALTH_WARNING, "landed state not believed"},
+        {&condition->vertical_inverted, HEALTH_WARNING, "vertical speed comes inverted: set right"},
+    };
+
+    (void)state;
+    for (unsigned i = 0; i < sizeof(told) / sizeof(told[0]); i++) {
+        *told[i].field = true;
+        expect_one(told[i].severity, told[i].reason);
+        *told[i].field = false;
+    }
+    condition->apart = true;
+    fixture.view.location.position_fresh = false;
+    expect_one(HEALTH_FAULT, "position differs from GNSS");
+}
+
 static void an_update_keeps_from_arming(void **state)
 {
     (void)state;
@@ -542,6 +573,7 @@ int main(void)
         TEST(about_the_daemon),
         TEST(the_order),
         TEST(a_pilot_can_read_each_of_them),
+        TEST(each_contradiction_is_told_alone),
         TEST(an_update_keeps_from_arming),
         TEST(two_sources_keep_from_arming),
         TEST(a_flood_keeps_from_arming_while_it_lasts),

@@ -292,6 +292,21 @@ static void a_channel_that_never_comes_is_a_fault_after_a_while(void **state)
     assert_int_equal(bench.flight.totals.armed_faults, 1);
 }
 
+static void an_emergency_and_a_simulation_are_recorded(void **state)
+{
+    (void)state;
+    take_off();
+    bench.snapshot.emergency = true;
+    pass(1);
+    expect_line(
+        "\"event\":\"fault\",\"what\":\"emergency\",\"text\":\"an emergency is broadcast\"}");
+    bench.snapshot.emergency = false;
+    bench.snapshot.simulated = true;
+    pass(1);
+    expect_line("\"event\":\"fault\",\"what\":\"simulated\","
+                "\"text\":\"the autopilot flies in a simulation\"}");
+}
+
 static void supply_faults(void **state)
 {
     (void)state;
@@ -457,6 +472,7 @@ int main(void)
         TEST(armed_without_a_position_is_one),
         TEST(a_link_that_was_lost_leaves_it_armed),
         TEST(a_channel_that_never_comes_is_a_fault_after_a_while),
+        TEST(an_emergency_and_a_simulation_are_recorded),
         TEST(supply_faults),
         TEST(faults_of_the_appliance),
         TEST(a_clock_that_becomes_known_in_flight),

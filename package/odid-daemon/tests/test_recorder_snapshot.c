@@ -51,7 +51,7 @@ static void all_is_well(void **state)
     assert_int_equal(snapshot.channels[CHANNEL_BT5].confirmed_us, INT64_MIN);
     assert_true(snapshot.armed_known && snapshot.armed);
     assert_true(snapshot.link && snapshot.position && snapshot.identity);
-    assert_false(snapshot.two_sources);
+    assert_false(snapshot.two_sources || snapshot.emergency || snapshot.simulated);
     assert_int_equal(snapshot.unix_us, INT64_C(1767323045000000));
 }
 

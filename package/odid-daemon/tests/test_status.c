@@ -105,7 +105,7 @@ static void stable_names(void **state)
     expect_fields(root, "operator", "source location_type latitude_deg longitude_deg altitude_m");
     expect_fields(root, "time", "known utc");
     expect_fields(root, "aircraft",
-                  "heartbeat armed emergency mav_type autopilot restarts takeoff_known "
+                  "heartbeat armed emergency simulated mav_type autopilot restarts takeoff_known "
                   "takeoff_is_home takeoff_is_late fix_known vertical_inverted position_rate_hz "
                   "refused_messages");
     expect_fields(root, "configuration", "errors sentences");

@@ -545,6 +545,9 @@ static void a_neighbour_is_not_the_same_under_another_number(void **state)
                          : some_position(OTHER_VEHICLE, AUTOPILOT));
         }
         assert_int_equal(telemetry_vehicle(telemetry), VEHICLE);
+        /* One that goes on with its numbers and its clock is the autopilot: then somebody else
+         * speaks under the old one. */
+        assert_int_equal(telemetry_contradicted(telemetry, now_us), how == 2);
     }
 }
 
