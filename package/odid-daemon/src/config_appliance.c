@@ -168,6 +168,10 @@ static bool take_country(const struct config_rule *rule, void *field, struct con
 {
     char *country = field;
 
+    if (strcasecmp(value->text, "UK") == 0) {
+        snprintf(value->hint, sizeof(value->hint), "did you mean GB?");
+        return false;
+    }
     if (!config_text_take(rule, field, value)) {
         return false;
     }
@@ -179,8 +183,7 @@ static bool take_country(const struct config_rule *rule, void *field, struct con
 const struct config_rule config_rule_country = {
     .take = take_country,
     .show = config_text_show,
-    .expected = "the two letters of a country, such as SE, or GB "
-                "(not UK, not EU)",
+    .expected = "the two letters of a country, such as SE or GB (not EU)",
     .size = 3,
     .valid = is_country};
 

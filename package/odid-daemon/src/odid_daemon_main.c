@@ -249,7 +249,8 @@ static void on_look(void *context, int64_t now_us)
         }
         pilot_sources(&self.pilot, vehicle, input.contradicted);
         ask(&condition, vehicle, now_us);
-        keep(vehicle, &condition);
+        /* Others keep it over power-offs: not whoever passed by. */
+        keep(telemetry_vehicle_settled(self.telemetry) ? vehicle : self.kept.vehicle, &condition);
     }
     self.look_us += LOOK_US;
     if (self.look_us <= now_us) {

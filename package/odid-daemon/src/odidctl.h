@@ -60,6 +60,17 @@ struct json_object *odidctl_faults(const char *directory);
 /* Makes the fault's file, or removes it when sentence is NULL. What fails is logged. */
 void odidctl_set_fault(const char *directory, const char *name, const char *sentence);
 
+/* ---- what something has done ---- */
+
+/* All that is wrong now: array of sentences, the appliance's faults and the daemon's. The caller
+ * puts it back. */
+struct json_object *odidctl_wrong(const struct odidctl_places *places);
+
+/* What is wrong and wasn't before, once what was started again has had its time: a second if
+ * nothing is, five otherwise. out: a sentence, or "". */
+void odidctl_wrong_since(const struct odidctl_places *places, struct json_object *before, char *out,
+                         size_t size);
+
 /* ---- get, set ---- */
 
 /* names: SECTION.KEY each, ended by NULL. Prints nothing when there is an unknown one. */

@@ -178,10 +178,26 @@ int odidctl_get(const struct odidctl_places *places, char *const names[])
 
 /* ---- set ---- */
 
+/* Of what is wrong since then. before is put back. */
+static int say_effect(const struct odidctl_places *places, struct json_object *before)
+{
+    char wrong[1024];
+
+    odidctl_wrong_since(places, before, wrong, sizeof(wrong));
+    json_object_put(before);
+    if (wrong[0] != '\0') {
+        printf("Saved; but since then: %s\n", wrong);
+        return ODIDCTL_HALF_DONE;
+    }
+    puts("Saved, and in effect.");
+    return ODIDCTL_GOOD;
+}
+
 /* Returns whether it counts now: 0, or ODIDCTL_HALF_DONE. */
 static int apply(const struct odidctl_places *places)
 {
     char *const arguments[] = {(char *)places->apply, NULL};
+    struct json_object *before;
     const char *why;
     int error, status;
     pid_t child;
@@ -196,6 +212,7 @@ static int apply(const struct odidctl_places *places)
         return ODIDCTL_GOOD;
     }
     fflush(stdout);
+    before = odidctl_wrong(places);
     error = posix_spawn(&child, places->apply, NULL, NULL, arguments, environ);
     if (error == 0 && waitpid(child, &status, 0) < 0) {
         error = errno;
@@ -204,10 +221,10 @@ static int apply(const struct odidctl_places *places)
         fprintf(stderr,
                 "odidctl: saved, but %s failed%s%s: it takes effect after the next power-on.\n",
                 places->apply, error != 0 ? ": " : "", error != 0 ? strerror(error) : "");
+        json_object_put(before);
         return ODIDCTL_HALF_DONE;
     }
-    puts("Saved, and in effect.");
-    return ODIDCTL_GOOD;
+    return say_effect(places, before);
 }
 
 /*

@@ -394,6 +394,11 @@ uint8_t telemetry_vehicle(const struct telemetry *telemetry)
     return telemetry->vehicle.system;
 }
 
+bool telemetry_vehicle_settled(const struct telemetry *telemetry)
+{
+    return vehicle_is_settled(&telemetry->vehicle);
+}
+
 bool telemetry_vehicle_speaks(const struct telemetry *telemetry, int64_t now_us)
 {
     return from_autopilot(telemetry, &telemetry->latest) &&

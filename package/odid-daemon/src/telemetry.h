@@ -163,6 +163,8 @@ void telemetry_reset_stream(struct telemetry *telemetry, unsigned stream);
  * Returns its system id, 0 while none is known.
  */
 uint8_t telemetry_vehicle(const struct telemetry *telemetry);
+/* Is it there to stay, and no stray voice that said a HEARTBEAT or two? */
+bool telemetry_vehicle_settled(const struct telemetry *telemetry);
 /* Has anything come of it within 3 s, if only something that nobody needs? */
 bool telemetry_vehicle_speaks(const struct telemetry *telemetry, int64_t now_us);
 /* Was its autopilot's last frame signed (MAVLink 2)? */

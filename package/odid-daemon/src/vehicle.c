@@ -46,14 +46,14 @@ static bool took_off_here(const struct vehicle *vehicle, int64_t now_us)
     return vehicle->seen_disarmed && vehicle->armed && now_us >= vehicle->kept_until_us;
 }
 
-static bool is_settled(const struct vehicle *vehicle)
+bool vehicle_is_settled(const struct vehicle *vehicle)
 {
     return vehicle->spoke || vehicle->heartbeat_us - vehicle->begun_us >= SETTLED_US;
 }
 
 static bool passed_by(const struct vehicle *vehicle, int64_t now_us)
 {
-    return vehicle->heartbeat_us != INT64_MIN && !is_settled(vehicle) &&
+    return vehicle->heartbeat_us != INT64_MIN && !vehicle_is_settled(vehicle) &&
            now_us - vehicle->heartbeat_us > PASSED_BY_US;
 }
 
@@ -89,7 +89,7 @@ static bool takes_over(const struct vehicle *vehicle, uint8_t system, bool armed
 /* Who was there first: nobody's any more who was expected, and isn't the one that flies. */
 static void keep(struct vehicle *vehicle, int64_t now_us)
 {
-    if (vehicle->kept == vehicle->system || (vehicle->kept == 0 && is_settled(vehicle)) ||
+    if (vehicle->kept == vehicle->system || (vehicle->kept == 0 && vehicle_is_settled(vehicle)) ||
         (took_off_here(vehicle, now_us) && is_given_up(vehicle, now_us))) {
         vehicle->kept = vehicle->system;
         vehicle->kept_heard = true;

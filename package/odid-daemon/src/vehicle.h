@@ -41,6 +41,9 @@ void vehicle_expect(struct vehicle *vehicle, uint8_t system, bool armed, int64_t
 enum vehicle_is vehicle_heartbeat(struct vehicle *vehicle, uint8_t system, bool armed,
                                   int64_t now_us);
 
+/* Is it there to stay, and no stray voice? */
+bool vehicle_is_settled(const struct vehicle *vehicle);
+
 /* Its autopilot goes on under another system id. */
 void vehicle_rename(struct vehicle *vehicle, uint8_t system);
 

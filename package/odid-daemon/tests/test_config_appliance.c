@@ -115,7 +115,7 @@ static void wrong_values(void **state)
         {"ground_station", "address", ":14550", NULL},
         {"ground_station", "address", "192.168.111.1111:14550", NULL},
         {"wifi", "country", "Sweden",
-         "the two letters of a country, such as SE, or GB (not UK, not EU); using SE"},
+         "the two letters of a country, such as SE or GB (not EU); using SE"},
         {"wifi", "country", "UK", NULL}, /* no beacon for seconds at each start */
         {"wifi", "country", "EU", NULL},
         {"wifi", "country", "ZZ", NULL},

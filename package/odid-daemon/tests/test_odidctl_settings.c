@@ -116,7 +116,8 @@ static void wrong_values_change_nothing(void **state)
         {"wifi.channel", "14", "[wifi] channel = \"14\": expected 1-11; using 6\n"},
         {"wifi.channel", "", "expected 1-11"},
         {"wifi.country", "Norge",
-         "expected the two letters of a country, such as SE, or GB (not UK, not EU); using NO"},
+         "expected the two letters of a country, such as SE or GB (not EU); using NO"},
+        {"wifi.country", "uk", "did you mean GB?; using NO"},
         {"system.operator_latitude", "57,7", "write 57.7, with a point"},
         {"system.operator_latitude", "91", "degrees from -90 to 90"},
         {"self_id.description", "123456789012345678901234", "24 characters long, 23 fit"},
@@ -225,6 +226,15 @@ static void it_is_applied_unless_armed(void **state)
     expect_file("applied", "applied\napplied\n");
     keep_armed("no");
     daemon = answer_with(ANSWER);
+
+    /* It is looked whether it did any good: what was wrong before isn't its doing. */
+    put("faults/old", "Something is wrong for 3 s.\n");
+    put_apply("#!/bin/sh\necho 'Something is wrong for 9 s.' >faults/old\n");
+    assert_int_equal(CALL("set", "wifi.channel", "7"), 0);
+    assert_string_equal(said, "Saved, and in effect.\n");
+    put_apply("#!/bin/sh\necho 'wlan7 is not there.' >faults/wifi\n");
+    assert_int_equal(CALL("set", "broadcast.wifi_iface", "wlan7"), 4);
+    assert_string_equal(said, "Saved; but since then: wlan7 is not there.\n");
 
     put_apply("#!/bin/sh\nexit 3\n");
     assert_int_equal(CALL("set", "wifi.channel", "6"), 4);

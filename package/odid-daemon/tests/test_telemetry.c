@@ -443,10 +443,12 @@ static void a_stray_voice_holds_nobody_off(void **state)
     feed(autopilot_heartbeat(OTHER_VEHICLE));
     now_us += SECOND;
     assert_int_equal(feed(autopilot_heartbeat(VEHICLE)), 0); /* it may still go on */
+    assert_false(telemetry_vehicle_settled(telemetry));      /* and is kept by nobody */
     now_us += SECOND;
     assert_int_equal(feed(autopilot_heartbeat(VEHICLE)), 1);
     assert_int_equal(telemetry_vehicle(telemetry), VEHICLE);
     assert_int_equal(feed(some_position(VEHICLE, AUTOPILOT)), 1);
+    assert_true(telemetry_vehicle_settled(telemetry));
     now_us += SECOND;
     assert_int_equal(feed(autopilot_heartbeat(VEHICLE)), 1);
     /* Nor has it a right of return. */
