@@ -24,7 +24,7 @@ from . import tlog
 from .orders import Orders
 
 # What the judge compares the air with.
-KEPT = ("HEARTBEAT", "SYSTEM_TIME", "GLOBAL_POSITION_INT", "GPS_RAW_INT", "HOME_POSITION",
+KEPT = ("HEARTBEAT", "SYSTEM_TIME", "GLOBAL_POSITION_INT", "GPS_RAW_INT", "GPS2_RAW", "HOME_POSITION",
         "EXTENDED_SYS_STATE")
 KEPT_PREFIX = "OPEN_DRONE_ID_"
 

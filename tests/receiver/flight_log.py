@@ -29,6 +29,7 @@ GNSS_TOLERANCE_S = 1.1  # ... by the transmitter's clock, of what was heard in b
 DECIDING_SECONDS = 3  # so many tell that the vertical speed is upside down ...
 DECIDING_TOLERANCE_S = 2.0  # ... to a transmitter whose seconds begin at other instants
 POSITION_MESSAGES = ("GLOBAL_POSITION_INT", "OPEN_DRONE_ID_LOCATION")
+RECEIVER_MESSAGES = ("GPS_RAW_INT", "GPS2_RAW")  # the first one's, and a second one's
 
 
 @dataclass
@@ -69,7 +70,8 @@ class FlightLog:
     system_times: list[tuple[float, float]] = field(default_factory=list)  # mono, Unix time of boot
     utc: list[tuple[float, float]] = field(default_factory=list)  # mono, Unix time
     undulations: list[tuple[float, float | None]] = field(default_factory=list)  # mono, metres or unknown
-    fix_types: list[tuple[float, int]] = field(default_factory=list)
+    fix_types: list[tuple[float, int, str]] = field(default_factory=list)  # and whose: the message's name
+    fix_times: dict[str, int] = field(default_factory=dict)  # each receiver's last
     time_known_mono: float | None = None  # the first SYSTEM_TIME that a GNSS fix confirms
     clock_offset_s: float = 0.0  # mono minus time
     gnss_found: dict[float, bool | None] = field(default_factory=dict)  # has_gnss, once the log is whole
@@ -81,7 +83,7 @@ class FlightLog:
         return None
 
     def has_gnss(self, mono: float) -> bool | None:
-        """Was a GNSS fix known at an instant: by GPS_RAW_INT, or where that doesn't come by a native
+        """Was a GNSS fix known at an instant: by any receiver, or where none is heard by a native
         position with time and accuracy?  None: either answer is right, so shortly after a change."""
         if mono not in self.gnss_found:
             around = {self._gnss_at(mono - GNSS_TOLERANCE_S), self._gnss_at(mono), self._gnss_at(mono + GNSS_TOLERANCE_S)}
@@ -89,9 +91,14 @@ class FlightLog:
         return self.gnss_found[mono]
 
     def _gnss_at(self, mono: float) -> bool:
-        at = bisect.bisect_right(self.fix_types, mono, key=lambda f: f[0])
-        if at and mono - self.fix_types[at - 1][0] < GNSS_FRESH_S:
-            return self.fix_types[at - 1][1] >= FIX_TYPE_2D
+        newest: dict[str, int] = {}
+        for said_mono, fix_type, whose in reversed(
+                self.fix_types[:bisect.bisect_right(self.fix_types, mono, key=lambda f: f[0])]):
+            if mono - said_mono >= GNSS_FRESH_S:
+                break
+            newest.setdefault(whose, fix_type)
+        if newest:
+            return max(newest.values()) >= FIX_TYPE_2D
         return any(fix.rated and 0 <= mono - fix.mono < GNSS_FRESH_S for fix in self.fixes)
 
     def undulations_near(self, start_mono: float, end_mono: float) -> set[float | None]:
@@ -157,11 +164,16 @@ def read_flight_log(path: Path) -> FlightLog:
                 log.utc.append((mono, record["time_unix_usec"] / 1e6))
             elif name == "HOME_POSITION":
                 log.homes.append((mono, record["altitude"] / 1000))
-            elif name == "GPS_RAW_INT":
+            elif name in RECEIVER_MESSAGES:
                 ellipsoid_mm = record.get("alt_ellipsoid") or None
-                log.undulations.append((mono, None if ellipsoid_mm is None else
-                                        (ellipsoid_mm - record["alt"]) / 1000))
-                log.fix_types.append((mono, record["fix_type"]))
+                if name == RECEIVER_MESSAGES[0] or ellipsoid_mm is not None:
+                    log.undulations.append((mono, None if ellipsoid_mm is None else
+                                            (ellipsoid_mm - record["alt"]) / 1000))
+                # One that repeats the time of its last fix says nothing new; without a fix it has no time to move on.
+                time_us = record.get("time_usec") or None
+                if record["fix_type"] < FIX_TYPE_2D or time_us is None or time_us != log.fix_times.get(name):
+                    log.fix_types.append((mono, record["fix_type"], name))
+                log.fix_times[name] = time_us or 0
             elif name in POSITION_MESSAGES:
                 fix = _telemetry_fix(mono, record) if name == POSITION_MESSAGES[0] else _native_fix(mono, record)
                 if fix.latitude_e7 or fix.longitude_e7:

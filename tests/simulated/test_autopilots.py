@@ -6,7 +6,7 @@ from collections import namedtuple
 import pytest
 from host.flight import START_UNIX_S, write_flight
 from pymavlink.dialects.v20 import common
-from receiver.messages import Location, System
+from receiver.messages import Location, SelfId, System
 
 from .flight import Flight
 from .world import START_US
@@ -107,6 +107,70 @@ def is_never_of_the_future(heard):
             assert 12 <= one.flight_s < 16     # at most until it is confirmed
         else:
             assert -4 < one.message.timestamp_s - START_UNIX_S % 3600 - one.flight_s < LATE_S
+
+
+def has_one_of_two_receivers_dead(craft, message):
+    """GPS_RAW_INT is always the first one's."""
+    if kind(message) != "GPS_RAW_INT" or craft.time_s < 10:
+        return [message]
+    second = common.MAVLink_gps2_raw_message(
+        message.time_usec, 3, message.lat, message.lon, message.alt, 80, 120, message.vel, message.cog, 11, 0, 0, 0,
+        message.alt_ellipsoid, 1200, 2000, 300)
+    message.fix_type = 1
+    return [message, second]
+
+
+def has_a_receiver_that_hangs():
+    """Its driver goes on with the last fix, and the time of that; the estimator coasts."""
+    last = {}
+
+    def changed(craft, message):
+        if kind(message) == "GPS_RAW_INT":
+            if craft.time_s < 10:
+                last.update(time_usec=message.time_usec, lat=message.lat, lon=message.lon, alt=message.alt)
+            for name, value in last.items():
+                setattr(message, name, value)
+        return [message]
+    return changed
+
+
+def stands_still_under_a_receiver_that_flies():
+    """An estimator that has stopped, under time stamps that move on."""
+    place = []
+
+    def changed(craft, message):
+        if kind(message) == "GLOBAL_POSITION_INT" and craft.time_s >= 8:
+            place[:] = place or [message.lat, message.lon]
+            message.lat, message.lon = place
+            message.vx = message.vy = 0
+        return [message]
+    return changed
+
+
+def is_said_to_have_failed(heard):
+    assert all(one.status == FAILURE for one in places(heard, 16))
+
+
+def climbs_beside_its_altitude():
+    """The estimator's altitude has stopped; the receiver's says 15 m/s."""
+    altitude = []
+
+    def changed(craft, message):
+        if craft.time_s >= 6 and kind(message) == "GLOBAL_POSITION_INT":
+            altitude[:] = altitude or [message.alt, message.relative_alt]
+            message.alt, message.relative_alt = altitude
+        elif craft.time_s >= 6 and kind(message) == "GPS_RAW_INT":
+            message.alt += round((craft.time_s - 6) * 15_000)
+            message.alt_ellipsoid += round((craft.time_s - 6) * 15_000)
+        return [message]
+    return changed
+
+
+def has_a_place_and_no_altitude(heard):
+    assert all(one.geodetic_altitude_m is not None for one in places(heard, 7, 10))
+    for one in places(heard, 18):
+        assert is_home(one) and one.status == AIRBORNE
+        assert one.geodetic_altitude_m is None and one.height_m is None
 
 
 # --- status -----------------------------------------------------------------
@@ -230,11 +294,36 @@ def is_live_and_on_time(heard):
         assert abs(one.message.unix_s - START_UNIX_S - one.flight_s) < 3
 
 
+def declares_an_emergency(craft, message):
+    """By a ground station, each second, and takes it back as QGroundControl does."""
+    if kind(message) != "HEARTBEAT" or craft.time_s < 10:
+        return [message]
+    here = common.MAVLink_heartbeat_message(
+        common.MAV_TYPE_GCS, common.MAV_AUTOPILOT_INVALID, 0, 0, common.MAV_STATE_ACTIVE, 3)
+    text = common.MAVLink_open_drone_id_self_id_message(
+        1, 0, [0] * 20, *((1, b"engine failure") if craft.time_s < 16 else (0, b"")))
+    here.ground_station = text.ground_station = True
+    return [message, here, text]
+
+
+def is_an_emergency_for_so_long(heard):
+    assert all(one.status != EMERGENCY for one in places(heard, 0, 10))
+    assert all(one.status == EMERGENCY for one in places(heard, 11.1 + LATE_S, 16))
+    assert all(one.message.text == "engine failure" for one in of(heard, SelfId, 14, 16))
+    assert all(one.status == AIRBORNE for one in places(heard, 17.1 + LATE_S))
+    assert all(one.message.text != "engine failure" for one in of(heard, SelfId, 20))
+
+
 CASES = {
     "restarts": Case(restarts, is_never_near_zero),
     "no GNSS": Case(has_no_gnss, says_neither_place_nor_time),
     "fix lost": Case(loses_its_fix_without_saying_so, fails_within_seconds),
     "stamped ahead": Case(is_stamped_a_minute_ahead_once, is_never_of_the_future),
+    "has one of two receivers dead": Case(has_one_of_two_receivers_dead, is_airborne),
+    "has a receiver that hangs": Case(has_a_receiver_that_hangs(), fails_within_seconds),
+    "stands still under its receiver": Case(stands_still_under_a_receiver_that_flies(), is_said_to_have_failed),
+    "climbs beside its altitude": Case(climbs_beside_its_altitude(), has_a_place_and_no_altitude),
+    "declares an emergency": Case(declares_an_emergency, is_an_emergency_for_so_long),
     "parachute": Case(is_disarmed_in_the_air, is_in_distress),
     "failsafe": Case(is_in_a_failsafe, is_airborne),
     "slow clock": Case(has_a_slow_clock, is_right_again_in_ten_seconds),
