@@ -118,9 +118,10 @@ def encode_fix(fix: dict, **changes) -> bytes:
 
 
 def played_log(seconds: float, gap: tuple[float, float] | None = None, no_fix_from: float = math.inf,
-               native_s: float | None = None) -> list[dict]:
+               native_s: float | None = None, second: bool = False, hangs_from: float = math.inf) -> list[dict]:
     """What the flight player would have written: positions at 5 Hz, a take-off before them.
-    native_s: at which interval the same positions also come as native messages."""
+    native_s: at which interval the same positions also come as native messages. second: another receiver, that has a fix.
+    hangs_from: the first one goes on with the time of that fix."""
     def row(t, name, **fields):
         return {"time": START_TIME + t, "mono": START_MONO + t, "type": name, **fields}
 
@@ -133,8 +134,12 @@ def played_log(seconds: float, gap: tuple[float, float] | None = None, no_fix_fr
             row(-2.2, "HEARTBEAT", autopilot=3, base_mode=81, system_status=3),
             row(-2.0, **{"name": "GLOBAL_POSITION_INT"}, **{k: v for k, v in zero.items() if k != "type"}),
             row(-1.5, "HEARTBEAT", autopilot=3, base_mode=81 | 128, system_status=4)]
-    rows[:0] = [row(t, "GPS_RAW_INT", fix_type=3 if t < no_fix_from else 1, alt=40000, alt_ellipsoid=round(40000 + UNDULATION_M * 1000))
-                for t in range(-6, math.ceil(seconds) + 1)]
+    ellipsoid_mm = round(40000 + UNDULATION_M * 1000)
+    for t in range(-6, math.ceil(seconds) + 1):
+        rows.append(row(t, "GPS_RAW_INT", fix_type=3 if t < no_fix_from else 1, time_usec=unix_us(min(t, hangs_from)), alt=40000,
+                        alt_ellipsoid=ellipsoid_mm))
+        if second:
+            rows.append(row(t, "GPS2_RAW", fix_type=3, time_usec=unix_us(t), alt=40000, alt_ellipsoid=ellipsoid_mm))
     for number in range(round(seconds / FIX_PERIOD_S) + 1):
         t = number * FIX_PERIOD_S
         if number % 5 == 0:

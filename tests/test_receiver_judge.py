@@ -380,6 +380,12 @@ def test_a_position_without_a_fix(tmp_path):
     assert set(kinds(run, log=log)) == {"played.status"}
 
 
+def test_a_fix_is_any_receivers_and_moves_on(tmp_path):
+    run, _ = transmit(channels=("bt4",), seconds=16)
+    assert kinds(run, log=flight(tmp_path, no_fix_from=8, second=True)) == {}
+    assert kinds(run, log=flight(tmp_path, hangs_from=8))["played.fix"] > 5
+
+
 def test_a_renewal_in_just_over_a_second_is_no_gap_of_the_log(flight_log):
     """Who takes 1.04 s for each, beside telemetry at 5 Hz."""
     run, _ = transmit(channels=("bt4",), faults=Faults(
