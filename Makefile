@@ -51,7 +51,7 @@ help:
 	@echo 'make test       the gate: every part, and an appliance booted, updated and flown; minutes'
 	@echo 'make test-all   real time included, with all faults, the benchmark and a short soak (two hours)'
 	@echo 'make steady     runs make test again and again: COUNT=10, STRESS=4 (busy processes beside it)'
-	@echo 'make simulate   flights through random faults in simulated time: SEEDS=1-20 MINUTES=10'
+	@echo 'make simulate   flights through random faults in simulated time: SEEDS=1-20 MINUTES=10, or HOURS=10'
 	@echo 'make mutants    faults put into the daemon: the gate has to see each (an hour; RANDOM=200 SEED=1, ONLY=)'
 	@echo 'make laws       whether each law of the simulated flights sees the fault that breaks it'
 	@echo 'make system     only the tests that boot the appliance and do it harm'
@@ -254,7 +254,7 @@ steady: setup
 # Random faults, by seed: tests/simulated.
 .PHONY: simulate
 simulate: daemon
-	@SEEDS='$(SEEDS)' MINUTES='$(MINUTES)' JOBS='$(JOBS)' $(RUN) tests/simulated/random_flights.py
+	@SEEDS='$(SEEDS)' MINUTES='$(MINUTES)' HOURS='$(HOURS)' JOBS='$(JOBS)' $(RUN) tests/simulated/random_flights.py
 
 # Does the gate see a fault that is put in? tests/mutants.
 .PHONY: mutants laws

@@ -1,5 +1,6 @@
 """What `make mutants` puts into the daemon can still be put in."""
 
+from mutants.laws import CASES
 from mutants.named import NAMED
 from mutants.places import places
 from mutants.run import Kept, put_in
@@ -9,7 +10,7 @@ from mutants.trial import SOURCE
 
 def test_each_named_one_changes_its_file():
     assert len({one.name for one in NAMED}) == len(NAMED) >= 25
-    for mutant in NAMED:
+    for mutant in (*NAMED, *(case.mutant for case in CASES)):
         assert put_in(mutant) != (SOURCE / "src" / mutant.file).read_text()
 
 

@@ -2,18 +2,21 @@
 
   SEEDS=<first>-<last>   which (1-20); a seed is one world and one flight
   MINUTES=<n>            how long each (10)
+  HOURS=<n>              so many seeds, from the first one on, that it is as long together
   JOBS=<n>               so many at the same time (one for each processor)
 
-A failure prints its seed, the law and the instant, and the command that does it again; everything of it is kept in
-build/simulated/<seed>. It is made smaller by leaving faults out while it still fails.
+A failure prints its seed, the law and the instant, what happened just before, and the command that does it again;
+everything of it is kept in build/simulated/<seed>, and in its trace.txt all that was heard, said and done. It is made smaller by leaving faults out while it still fails.
 """
 
 import functools
 import gc
 import hashlib
+import math
 import multiprocessing
 import os
 import random
+import re
 import shutil
 import sys
 import tempfile
@@ -29,13 +32,14 @@ from host.flight import write_flight
 from simulated.faults import BY_NAME, FAULTS
 from simulated.flight import WARM_UP_S, Flight
 from simulated.laws import broken_laws
-from simulated.world import Ended
+from simulated.world import START_US, Ended
 
 FOLDER = parts.ROOT / "build/simulated"
 LATE = ((0.0, 0), (0.0, 0), (0.1, 40_000), (0.3, 150_000))  # share of wake-ups, most
 REST_S = 15.0  # after a fault, at least
 FLIGHTS, LOGS = 8, []
 KEPT = 0.25  # with odid-keeper and the others: so many of the flights
+LAST_EVENTS = 8
 TWO = 0.25  # so many of the faults aren't done alone
 Plan = namedtuple("Plan", "mode link late kept faults")  # faults: (Fault, at_s, seconds)
 
@@ -103,10 +107,31 @@ def fly(seed, until_s, what, folder):
             broken = broken_laws(flight, until_s)
         except (Ended, TimeoutError) as error:  # no program of an aircraft ends by itself, nor stands still
             broken = [str(error)]
+        if broken:
+            (folder / "trace.txt").write_text("".join(f"{at_s:9.3f} {what}\n" for at_s, what in trace(flight)))
         return broken, time.monotonic() - begun, flight.octets()
     finally:
         flight.end()
         gc.enable()
+
+
+def trace(flight):
+    """(second, what): all that was heard, said and done, in order."""
+    happened = [(one.mono - START_US / 1e6, f"heard  {one.channel}  {one.payload.hex()}") for one in flight.air.run().receptions]
+    happened += [(one.mono - START_US / 1e6, f"told   {'good' if one.good else one.reason}") for one in flight.autopilot.said]
+    happened += [(one["at_s"] - START_US / 1e6, "status " + ("on air" if one["on_air"] else "not on air") + "".join(
+        f"; {problem['reason']}" for problem in one["problems"])) for one in flight.technician.answers]
+    for one in flight.windows:
+        happened += [(one.begin_s, f"done   {one.fault.name} to {one.channel or 'the autopilot'}"), (one.back_s, f"over   {one.fault.name}")]
+    return sorted(happened)
+
+
+def just_before(law, folder):
+    """What was done, told and said last, of the trace, before the instant that a sentence names."""
+    instant = re.search(r"(\d+\.\d+) s", law)
+    lines = [line for line in (folder / "trace.txt").read_text().splitlines() if " heard " not in line and (
+        not instant or float(line.split()[0]) <= float(instant[1]))]
+    return "\n".join(lines[-LAST_EVENTS:])
 
 
 def smaller(seed, until_s, what, folder):
@@ -131,11 +156,13 @@ def number(name, default):
     return float(text)
 
 
-def asked():
+def asked(minutes):
     seeds = os.environ.get("SEEDS") or "1-20"
     first, _, last = seeds.partition("-")
     if not (first.isdigit() and (last or first).isdigit()):
         sys.exit(f"simulate: SEEDS={seeds}: expected 1-20, or 7")
+    if os.environ.get("HOURS"):
+        last = int(first) + math.ceil(number("HOURS", "") * 60 / minutes) - 1
     return range(int(first), int(last or first) + 1)
 
 
@@ -149,14 +176,15 @@ def one_seed(seed, minutes):
         shutil.rmtree(FOLDER / str(seed))
     else:
         less = smaller(seed, until_s, what, FOLDER / f"{seed}-smaller")
-        said = (f"seed {seed}: {len(broken)} times, first: {broken[0]}\n{told(less)}\n"
+        said = (f"seed {seed}: {len(broken)} times, first: {broken[0]}\n{just_before(broken[0], FOLDER / str(seed))}\n{told(less)}\n"
                 f"  again: make simulate SEEDS={seed} MINUTES={minutes:g}\n"
                 f"  to be kept (test_random_flights.py): ({seed}, {written(less)})")
     return seconds, len(what.faults), octets, said
 
 
 def main():
-    seeds, minutes, jobs = asked(), number("MINUTES", "10"), int(number("JOBS", str(os.cpu_count())))
+    minutes = number("MINUTES", "10")
+    seeds, jobs = asked(minutes), int(number("JOBS", str(os.cpu_count())))
     failed, took_s, faults, heard, begun = 0, 0.0, 0, hashlib.sha256(), time.monotonic()
     for log in range(FLIGHTS):
         flight_log(log, minutes * 60 + 10)  # once, and not by each process

@@ -2,10 +2,12 @@
 
 import pytest
 from host.flight import write_flight
+from mutants.laws import CASES
 
+from . import random_flights
 from .faults import BY_NAME, FAULTS, Window
 from .flight import Flight
-from .laws import broken_laws
+from .laws import broken_laws, judged_by_law
 from .world import START_US
 
 FLIGHT_S = 120
@@ -32,6 +34,18 @@ def harmed(tmp_path_factory):
 
 def test_with_what_was_done_they_hold(harmed):
     assert broken_laws(harmed, FLIGHT_S) == []
+
+
+def test_for_each_of_them_make_laws_has_a_fault(harmed):
+    assert {case.law for case in CASES} == set(judged_by_law(harmed, FLIGHT_S))
+
+
+def test_what_happened_before_a_failure_can_be_read(harmed, tmp_path):
+    happened = random_flights.trace(harmed)
+    assert happened == sorted(happened) and len({what.split()[0] for _, what in happened}) == 5
+    (tmp_path / "trace.txt").write_text("".join(f"{at_s:9.3f} {what}\n" for at_s, what in happened))
+    said = random_flights.just_before("bt4: no newer position from 29.800 to 31.100 s", tmp_path).splitlines()
+    assert 1 < len(said) <= random_flights.LAST_EVENTS and any("done   controller_unplugged to bt4" in line for line in said)
 
 
 @pytest.mark.parametrize("sentences", BROKEN.values(), ids=BROKEN)
