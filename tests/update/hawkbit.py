@@ -200,4 +200,6 @@ class HawkBit:
 
     def _take_cancelled(self, _, got):
         self.cancelled.append(got["status"])
+        if got["status"]["execution"] == "rejected":  # then it goes on
+            self.cancelling = False
         return 200, None

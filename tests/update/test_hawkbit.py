@@ -200,3 +200,38 @@ def test_one_that_comes_in_the_air_is_refused(ready, server, tmp_path):
     assert "disarm it first" in ready.result()["sentence"]
     assert (ready.machine.must("cat /run/pid/swupdate"), ready.starts(), ready.sectors_written()) == before
     assert not server.violations
+
+
+# --- only what has happened ---------------------------------------------------------------
+
+
+@release_only
+def test_one_that_is_called_off_once_it_runs_has_happened(ready, server):
+    """It was told to have been called off, and ran."""
+    before = ready.starts()
+    server.offer(31, bundles.bundle("good", NEWER), NEWER)
+    ready.wait_restart(before)
+    server.cancel()
+    wait_for("the report", lambda: server.outcome(31))
+    assert [status["execution"] for status in server.cancelled] == ["rejected"]
+    assert server.outcome(31) == "success" and ready.result()["outcome"] == "installed"
+    assert not server.violations
+
+
+@release_only
+def test_a_report_that_nobody_waits_for_closes_nothing_later(ready, server):
+    """The next action was closed as a success before it was fetched."""
+    before, newer = ready.starts(), bundles.bundle("good", NEWER)
+    server.offer(32, newer, NEWER)
+    ready.wait_restart(before)
+    server.action = None  # whoever looks after the server has taken it away
+    ready.wait_state("trial")
+    ready.wait_state("idle")
+    polls = server.polls
+    wait_for("polls", lambda: server.polls > polls + 1)
+    server.update = "skip"
+    server.offer(33, newer, NEWER)
+    ready.machine.must("sv term swupdate")
+    polls = server.polls
+    wait_for("more polls", lambda: server.polls > polls + 2)
+    assert server.outcome(33) is None and not server.executions("33")
