@@ -1005,7 +1005,7 @@ def test_a_token_that_was_emptied_is_forgotten(with_config):
 ])
 def test_a_factory_reset_forgets_nothing_that_config_can_t_bring_back(appliance, checked, forgotten):
     """It is refused as a whole where one value is wrong, and the board began without an identity."""
-    appliance.change("etc/init.d/S30data", (". /lib/odid/functions", ". /lib/odid/functions; mount() { :; }; umount() { :; }"))
+    appliance.change("etc/init.d/S30data", (". /lib/odid/functions", ". /lib/odid/functions; mount() { :; }; umount() { :; }; mountpoint() { :; }"))
     appliance.write("checked", checked)
     appliance.write("data/odid/odid.conf", "mine\n")
     appliance.write("data/odid/factory-reset", "")
@@ -1025,8 +1025,8 @@ def with_data(appliance):
     """/data on a disk that is a file, with what mounts it played."""
     appliance.write("dev/disk/odid/data", "\0" * 4096)
     appliance.change("etc/init.d/S30data", ("[ ! -b ", "[ ! -e "), (". /lib/odid/functions", (
-        ". /lib/odid/functions; mount() { :; }; umount() { echo umount $* >>/calls; }; blockdev() { cat /getro; }; "
-        "read_only() { [ $1 = /data ] && [ -e /read-only ]; }")))
+        ". /lib/odid/functions; mount() { echo mount $* >>/calls; }; umount() { echo umount $* >>/calls; }; mountpoint() { ! cat /unmounted; }; "
+        "blockdev() { cat /getro; }; read_only() { [ $1 = /data ] && [ -e /read-only ]; }")))
     appliance.write("getro", "0\n")
     appliance.write("etc/odid/odid.conf", "the image's\n")
     for name, text in {"e2fsck": NOTES, "fsync": "#!/bin/sh\n[ ! -e /turns ] || { : >/read-only; exit 1; }\n"}.items():
@@ -1052,6 +1052,22 @@ def test_damage_that_the_kernel_has_noted_is_mended_before_data_is_used(with_dat
     with_data.must("/etc/init.d/S30data")
     assert ("e2fsck -p /dev/disk/odid/data" in with_data.calls()) == mended
     assert ("was damaged, and was repaired" in (with_data.fault("data") or "")) == mended
+
+
+def test_a_state_that_cannot_be_read_ends_nothing(with_data):
+    """The shell ended over it, and /data was the read-only system's empty folder: no identity and no way in, at each power-on."""
+    with_data.change("etc/init.d/S30data", ("od -An -tu1", "head -c 0"))
+    with_data.must("/etc/init.d/S30data")
+    assert with_data.fault("data") is None and with_data.read("data/odid/odid.conf") == "the image's\n"
+
+
+def test_whatever_ends_the_script_there_is_a_data(with_data):
+    with_data.write("unmounted", "")
+    with_data.change("etc/init.d/S30data", ("has_errors() {", "has_errors() {\n\techo $(( & 2))"))
+    assert with_data.run("/etc/init.d/S30data").returncode != 0
+    assert "lost at power-off" in with_data.fault("data") and "mount -t tmpfs" in "\n".join(with_data.calls())
+    assert "umount /run/old-data" in with_data.calls()  # what could be read was copied
+    assert with_data.read("data/odid/odid.conf") == "the image's\n"
 
 
 def test_data_that_turns_read_only_at_the_first_write_is_a_broken_one(with_data):
