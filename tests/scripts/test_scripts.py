@@ -1070,6 +1070,15 @@ def test_whatever_ends_the_script_there_is_a_data(with_data):
     assert with_data.read("data/odid/odid.conf") == "the image's\n"
 
 
+@pytest.mark.parametrize("free, said", [("0 900", "is full"), ("90000 0", "is full"), ("90000 900", "perhaps worn out"), ("", "perhaps worn out")])
+def test_data_is_full_only_where_there_is_no_room(with_data, free, said):
+    """A disk that took nothing any more was "full", too."""
+    with_data.write("free", free + "\n")
+    with_data.change("etc/init.d/S30data", (". /lib/odid/functions", ". /lib/odid/functions; fsync() { false; }; stat() { cat /free; }"))
+    with_data.must("/etc/init.d/S30data")
+    assert said in with_data.fault("data") and "umount /data" not in with_data.calls()
+
+
 def test_data_that_turns_read_only_at_the_first_write_is_a_broken_one(with_data):
     """It was "full"."""
     with_data.write("turns", "")
