@@ -929,7 +929,7 @@ def test_a_password_stays_with_what_it_was_made_of_when_data_is_mended(appliance
 
 @pytest.mark.parametrize("saved", [False, True])
 def test_what_was_saved_while_data_was_in_memory_is_kept(appliance, saved):
-    appliance.write("run/odid.conf.booted", "as booted\n")
+    appliance.write("run/booted/odid/odid.conf", "as booted\n")
     appliance.write("data/odid/odid.conf", "saved since\n" if saved else "as booted\n")
     appliance.write("run/mended/odid/odid.conf", "on the disk\n")
     appliance.must(CARRY)
@@ -1043,6 +1043,13 @@ def test_a_configuration_that_data_lost_is_config_s_again(with_data, lost):
         with_data.write("data/odid/odid.conf", lost)
     with_data.must("/etc/init.d/S30data")
     assert with_data.read("data/odid/odid.conf") == "the image's\n" and not with_data.exists("data/odid/odid.conf.imported")
+    assert "Check the serial number" in with_data.fault("settings")
+
+
+def test_at_the_first_start_nothing_is_lost(with_data):
+    (with_data.root / "data/secrets").rmdir()
+    with_data.must("/etc/init.d/S30data")
+    assert with_data.exists("data/secrets") and with_data.fault("settings") is None
 
 
 @pytest.mark.parametrize("state, mended", [(1, False), (3, True), (2, True)])
@@ -1052,6 +1059,62 @@ def test_damage_that_the_kernel_has_noted_is_mended_before_data_is_used(with_dat
     with_data.must("/etc/init.d/S30data")
     assert ("e2fsck -p /dev/disk/odid/data" in with_data.calls()) == mended
     assert ("was damaged, and was repaired" in (with_data.fault("data") or "")) == mended
+
+
+MEND = """eval "$(sed '/^trap /,$d' /etc/init.d/S30data)"
+nice() { shift 2; "$@"; }
+mount_data() { echo mounted while $(readlink /proc/$$/fd/9) is held >>/calls; cp -a /run/mended/. /data/; }
+mend"""
+
+
+@pytest.fixture
+def in_memory(with_data):
+    """/data is in memory, and its disk is mended now."""
+    with_data.write("run/odid-appliance/booted", "")
+    with_data.write("data/odid/odid.conf", "as booted\n")
+    with_data.write("run/mended/odid/odid.conf", "as booted\n")
+    with_data.write("lib/odid/apply-configuration", "#!/bin/sh\necho apply >>/calls\nexit $(cat /refused)\n")
+    with_data.write("refused", "0\n")
+    with_data.write("usr/bin/flock", NOTES)
+    with_data.change("etc/init.d/S30data", ("sleep 3", ":"))
+    return with_data
+
+
+@pytest.mark.parametrize("name, on_disk, refused, applied", [
+    ("odid/odid.conf", "as booted\n", 0, 0),
+    ("odid/odid.conf", "set before\n", 0, 1),
+    ("secrets/maintenance.psk", KEY + "\n", 0, 1),
+    ("odid/odid.conf", "set before\n", 1, 5),  # armed
+])
+def test_what_comes_back_with_the_mended_disk_counts(in_memory, name, on_disk, refused, applied):
+    """odid.conf said one aircraft, and another one was broadcast until power-off."""
+    in_memory.write(f"run/mended/{name}", on_disk)
+    in_memory.write("refused", f"{refused}\n")
+    in_memory.must(MEND)
+    assert in_memory.read(f"data/{name}") == on_disk and in_memory.fault("settings") is None
+    assert in_memory.calls().count("apply") == applied
+    assert "was repaired or made anew" in in_memory.fault("data")
+    assert ("counts from the next power-on" in in_memory.fault("data")) == bool(refused)
+
+
+def test_settings_that_were_lost_with_the_disk_are_said_to_be(in_memory):
+    (in_memory.root / "run/mended/odid/odid.conf").unlink()
+    in_memory.must(MEND)
+    assert in_memory.read("data/odid/odid.conf") == "as booted\n" and "apply" not in in_memory.calls()
+    assert "Check the serial number and the operator number" in in_memory.fault("settings")
+
+
+def test_a_disk_that_is_mended_and_can_t_be_mounted_is_said_to_be(in_memory):
+    in_memory.must(MEND.replace("is held >>/calls", "is held >>/calls; return 1"))
+    assert "can't be repaired" in in_memory.fault("data")
+
+
+def test_nothing_is_set_between_the_carrying_over_and_the_mount(in_memory):
+    """It was said to be saved, and lay below what was mounted then."""
+    in_memory.must(MEND)
+    done = [call for call in in_memory.calls() if re.match("flock|umount /run/mended|mounted", call)]
+    assert done == ["flock 9", "umount /run/mended", "mounted while /data/odid/.lock is held"]
+    assert stat.S_IMODE((in_memory.root / "data/odid/.lock").stat().st_mode) == 0o600  # who may open it may hold it
 
 
 def test_a_state_that_cannot_be_read_ends_nothing(with_data):
