@@ -4,13 +4,14 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
+#include "config_keys.h"
 #include "odidctl.h"
 #include "whole_file.h"
 
 #define BESIDE_SIZE (ODIDCTL_PATH_SIZE + 16)
 #define LINE_SIZE 20
+#define FILE_MAX 65536 /* as for whoever reads it */
 
 /* FNV-1a: tells a changed file from the one before; nobody has to be kept from forging it. */
 static void fingerprint(const char *text, size_t length, char line[LINE_SIZE])
@@ -23,6 +24,24 @@ static void fingerprint(const char *text, size_t length, char line[LINE_SIZE])
     snprintf(line, LINE_SIZE, "%016" PRIx64 "\n", hash);
 }
 
+/* Nothing gets there but a text. least: an empty one, too. */
+static bool is_sound(const char *path, size_t least)
+{
+    size_t length = 0;
+    char *text = whole_file_read(path, FILE_MAX, &length);
+    bool sound = text != NULL && length >= least &&
+                 (length == 0 ||
+                  (config_not_ini(text, length) == NULL && memchr(text, '\0', length) == NULL));
+
+    free(text);
+    return sound;
+}
+
+bool import_sound(const char *path)
+{
+    return is_sound(path, 1);
+}
+
 bool import_kept(const char *path, const char *text, size_t length)
 {
     char beside[BESIDE_SIZE], now[LINE_SIZE];
@@ -32,8 +51,8 @@ bool import_kept(const char *path, const char *text, size_t length)
 
     snprintf(beside, sizeof(beside), "%s.imported", path);
     fingerprint(text, length, now);
-    before = access(path, R_OK) < 0 ? NULL : whole_file_read(beside, 64, &before_length);
-    same = before != NULL && strcmp(before, now) == 0;
+    before = whole_file_read(beside, 64, &before_length);
+    same = before != NULL && strcmp(before, now) == 0 && is_sound(path, length > 0 ? 1 : 0);
     free(before);
     return same;
 }

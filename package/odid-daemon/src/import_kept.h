@@ -10,7 +10,10 @@
 #include <stddef.h>
 #include <sys/types.h>
 
-/* Was just this text put there, and is something there still? */
+/* Can the file be read, and is it a text as one that was put there? */
+bool import_sound(const char *path);
+
+/* Was just this text put there, and is something sound there still? */
 bool import_kept(const char *path, const char *text, size_t length);
 
 /* Puts it there. Returns 0, or -errno. */

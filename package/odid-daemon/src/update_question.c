@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include "config.h"
+#include "import_kept.h"
 #include "kept.h"
 #include "odidctl.h"
 #include "update_bundle.h"
@@ -59,7 +60,8 @@ static void fill_offer(struct update_offer *offer, const struct update_bundle *b
                      .running = question->version,
                      .rolled_back = rolled_back,
                      .unattended = question->unattended,
-                     .prevent_downgrade = prevents_downgrade()},
+                     .prevent_downgrade = prevents_downgrade(),
+                     .unreadable = !import_sound(CONFIGURATION)},
         .needed_octets = bundle->slot_octets,
         .slot_octets = update_slot_octets(question->other),
         .undecided = question->beside || known < 0 || variables.upgrade_available,

@@ -255,6 +255,32 @@ static void only_when_it_changed(void **state)
     expect_file(CONF, GOOD "; changed\n");
 }
 
+/* It counted as taken over for ever, and so the report said. */
+static void what_was_damaged_is_taken_over_again(void **state)
+{
+    static const struct {
+        const char *text;
+        size_t length;
+    } damaged[] = {{BYTES("")}, {BYTES("\0\0\0\0")}, {BYTES("[wifi]\nchan\0\0\0")}};
+
+    (void)state;
+    put("volume/odid.conf", GOOD);
+    put("volume/authorized_keys", KEY "anna\n");
+    assert_int_equal(CALL("import", "volume"), 0);
+    for (unsigned i = 0; i < COUNT(damaged); i++) {
+        put_bytes(CONF, damaged[i].text, damaged[i].length);
+        put_bytes("data/ssh/authorized_keys", damaged[i].text, damaged[i].length);
+        assert_int_equal(CALL("import", "volume"), 0);
+        expect_file(CONF, GOOD);
+        expect_file("data/ssh/authorized_keys", KEY "anna\n");
+    }
+    /* Nor is one that can't be read. */
+    unlink(CONF);
+    assert_int_equal(mkdir(CONF, 0755), 0);
+    assert_int_equal(CALL("import", "volume"), 1);
+    expect_report("odid.conf can't be kept in");
+}
+
 /* ---- secrets ---- */
 
 static void the_secret_part_is_not_kept(void **state)
@@ -552,6 +578,7 @@ int main(void)
         TEST(identity_in_the_report),
         TEST(the_date_when_it_is_known),
         TEST(only_when_it_changed),
+        TEST(what_was_damaged_is_taken_over_again),
         TEST(the_secret_part_is_not_kept),
         TEST(the_password_is_consumed),
         TEST(a_password_is_made_and_shown),

@@ -57,6 +57,15 @@ static void a_person_may_install_what_they_want(void **state)
     assert_taken();
 }
 
+static void nobody_knows_what_a_damaged_configuration_said(void **state)
+{
+    (void)state;
+    offer.versions.unreadable = true;
+    assert_taken();
+    offer.versions.offered = "1.2.0";
+    assert_refused("1.2.0 is older than 1.9.0, which is running, and the configuration can't be");
+}
+
 /* A stick that was forgotten brings nothing back, whatever its bundle is called. */
 static void what_nobody_asked_for_is_newer_and_did_not_fail(void **state)
 {
@@ -109,6 +118,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup(a_person_may_install_what_they_want, begin),
+        cmocka_unit_test_setup(nobody_knows_what_a_damaged_configuration_said, begin),
         cmocka_unit_test_setup(what_nobody_asked_for_is_newer_and_did_not_fail, begin),
         cmocka_unit_test_setup(only_a_daemon_that_answers_says_disarmed, begin),
         cmocka_unit_test_setup(one_update_at_a_time, begin),
