@@ -113,17 +113,19 @@ int odidctl_keep_password(const char *data, const char *password)
     char path[ODIDCTL_PATH_SIZE];
     int result;
 
-    /* This first: wherever power fails, no password is shown that isn't the one. */
-    data_path(data, MADE_FILE, path);
-    result = remove_file(path);
+    if (password[0] == '\0') {
+        data_path(data, KEY_FILE, path);
+        result = remove_file(path);
+    } else {
+        result = keep_key(data, password);
+    }
     if (result < 0) {
         return result;
     }
-    if (password[0] == '\0') {
-        data_path(data, KEY_FILE, path);
-        return remove_file(path);
-    }
-    return keep_key(data, password);
+    /* Last: while its key is in force it has to be known. Where power fails before that,
+     * odidctl_show_made_password does it. */
+    data_path(data, MADE_FILE, path);
+    return remove_file(path);
 }
 
 bool odidctl_password_known(const char *data)
@@ -265,6 +267,9 @@ int odidctl_show_made_password(const char *data, const char *directory, bool *ma
     }
     if (result == 0 && !known) {
         result = keep_key(data, password);
+    } else if (password[0] != '\0' && odidctl_check_password(data, password) == 0) {
+        password[0] = '\0'; /* another one is in force */
+        result = remove_file(path);
     }
     if (result < 0) {
         return result;
