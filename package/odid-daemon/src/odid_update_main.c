@@ -21,6 +21,7 @@
 #include "loop.h"
 #include "odidctl.h"
 #include "update.h"
+#include "update_bundle.h"
 #include "update_environment.h"
 #include "update_files.h"
 #include "update_gate.h"
@@ -374,13 +375,6 @@ static bool is_beside(int64_t now_us)
     return self.beside;
 }
 
-static void on_version(const char *version)
-{
-    if (!self.beside) {
-        update_version(&self.update, version);
-    }
-}
-
 /* The gate is passed, and nothing is written yet that counts. */
 static void begin_record(void)
 {
@@ -506,6 +500,17 @@ static bool is_known(void)
            self.update.state == UPDATE_INSTALLING;
 }
 
+/* By the description that was verified: what SWUpdate tells of an update has its server's words in
+ * it. */
+static void take_version(void)
+{
+    struct update_bundle bundle;
+
+    if (!self.beside && update_bundle_read_description(DESCRIPTION, &bundle) == 0) {
+        update_version(&self.update, bundle.version);
+    }
+}
+
 static void judge_offer(bool unattended, char answer[UPDATE_SENTENCE_SIZE])
 {
     const struct update_question question = {.running = self.running,
@@ -514,6 +519,7 @@ static void judge_offer(bool unattended, char answer[UPDATE_SENTENCE_SIZE])
                                              .beside = self.beside,
                                              .unattended = unattended};
 
+    take_version();
     if (update_hawkbit_reports(loop_now_us())) {
         snprintf(answer, UPDATE_SENTENCE_SIZE,
                  "The one before it was broken off, and its server is being told. Try again in a "
@@ -702,7 +708,7 @@ static void on_signal(void *context, uint32_t events, int64_t now_us)
 static int serve(void)
 {
     static const struct update_installer_calls calls = {
-        .begins = on_begins, .version = on_version, .progress = on_progress, .ends = on_ends};
+        .begins = on_begins, .progress = on_progress, .ends = on_ends};
     static const struct update_gate_calls gate = {
         .known = is_known, .judge = judge_offer, .cancel = cancel};
     bool first = access(STATE "/" UPDATE_STATE_FILE, F_OK) < 0; /* since power-on */

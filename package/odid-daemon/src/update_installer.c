@@ -1,8 +1,6 @@
 #include "update_installer.h"
 
 #include <errno.h>
-#include <json-c/json_tokener.h>
-#include <json-c/linkhash.h>
 #include <network_ipc.h>
 #include <progress_ipc.h>
 #include <signal.h>
@@ -192,25 +190,6 @@ static void on_notice(void *context, uint32_t events, int64_t now_us)
     }
 }
 
-/* {"0": {"VERSION" : "1.2.3"}} */
-static void take_information(const char *text)
-{
-    struct json_object *object = json_tokener_parse(text);
-
-    if (json_object_is_type(object, json_type_object)) {
-        json_object_object_foreach(object, cause, inner)
-        {
-            const char *version = json_object_get_string(json_object_object_get(inner, "VERSION"));
-
-            (void)cause;
-            if (version != NULL) {
-                self.calls->version(version);
-            }
-        }
-    }
-    json_object_put(object);
-}
-
 static void on_progress(void *context, uint32_t events, int64_t now_us)
 {
     static struct progress_msg message;
@@ -220,10 +199,6 @@ static void on_progress(void *context, uint32_t events, int64_t now_us)
     if (read(self.progress.fd, &message, sizeof(message)) != (ssize_t)sizeof(message)) {
         lose(now_us);
         return;
-    }
-    if (message.infolen > 0) {
-        message.info[sizeof(message.info) - 1] = '\0';
-        take_information(message.info);
     }
     if (self.running && !self.in_history && message.cur_step > 0 &&
         (message.status == RUN || message.status == PROGRESS)) {

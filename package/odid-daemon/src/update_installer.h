@@ -10,7 +10,6 @@
 
 struct update_installer_calls {
     void (*begins)(int64_t now_us);
-    void (*version)(const char *version);
     void (*progress)(int percent, int64_t now_us);
     /* why: what went wrong, a sentence; empty when it is installed. */
     void (*ends)(const char *why, int64_t now_us);

@@ -216,10 +216,12 @@ static void slot_a_runs_1_0_0(void)
 /* A bundle of 1.1.0 is given, passes the gate, and is written. */
 static void written(void)
 {
+    put(DESCRIPTION, "version = \"1.1.0\";\nhardware-compatibility: [ \"odid-cm4\" ];\n"
+                     "slot-octets = \"9\";\n");
     on_begins(now_us);
-    on_version("1.1.0");
     judge_offer(false, answer);
     assert_string_equal(answer, "");
+    assert_string_equal(self.update.version, "1.1.0"); /* the one that was signed */
     on_progress(50, now_us);
     assert_int_equal(self.update.state, UPDATE_INSTALLING);
 }

@@ -127,11 +127,6 @@ static void on_begins(int64_t now_us)
     told.begun++;
 }
 
-static void on_version(const char *version)
-{
-    (void)version;
-}
-
 static void on_progress(int percent, int64_t now_us)
 {
     (void)percent;
@@ -165,7 +160,7 @@ static void expect_told(unsigned begun, unsigned ended, const char *why)
 static void history_is_news_unless_it_was_heard(void **state)
 {
     static const struct update_installer_calls calls = {
-        .begins = on_begins, .version = on_version, .progress = on_progress, .ends = on_ends};
+        .begins = on_begins, .progress = on_progress, .ends = on_ends};
     struct swupdate one = start("SFI SFIS");
 
     (void)state;
