@@ -28,6 +28,8 @@
 /* The installer has ended, and its outcome is not said: something is wrong. */
 #define PATIENCE_S 20
 #define STICK_FAILURES_MAX 2
+/* A stick may have several partitions, each with a bundle of its own. */
+#define STICK_FILES 8
 #define LOOK_MS 200
 
 extern char **environ;
@@ -316,13 +318,56 @@ static bool is_wanted(const struct odidctl_places *places, const struct update_b
     return wanted;
 }
 
+struct stick_files {
+    char identity[STICK_FILES][UPDATE_IDENTITY_SIZE]; /* the last one first; "": none */
+};
+
+static void read_stick_files(const struct odidctl_places *places, struct stick_files *files)
+{
+    char path[ODIDCTL_PATH_SIZE], *text, *rest, *line;
+    size_t length;
+
+    memset(files, 0, sizeof(*files));
+    snprintf(path, sizeof(path), "%s/" UPDATE_STICK_FILE, places->data);
+    text = rest = whole_file_read(path, sizeof(*files), &length);
+    for (unsigned i = 0; i < STICK_FILES && (line = strsep(&rest, "\n")) != NULL; i++) {
+        snprintf(files->identity[i], UPDATE_IDENTITY_SIZE, "%s", line);
+    }
+    free(text);
+}
+
+static void write_stick_files(const struct odidctl_places *places, const struct stick_files *files)
+{
+    char path[ODIDCTL_PATH_SIZE], text[sizeof(*files) + 1] = "";
+    size_t filled = 0;
+
+    snprintf(path, sizeof(path), "%s/" UPDATE_STICK_FILE, places->data);
+    for (unsigned i = 0; i < STICK_FILES && files->identity[i][0] != '\0'; i++) {
+        filled +=
+            (size_t)snprintf(text + filled, sizeof(text) - filled, "%s\n", files->identity[i]);
+    }
+    whole_file_replace(path, text, filled, 0644);
+}
+
+static bool came_to_nothing(const struct odidctl_places *places, const char *identity)
+{
+    struct stick_files files;
+    bool found = false;
+
+    read_stick_files(places, &files);
+    for (unsigned i = 0; i < STICK_FILES; i++) {
+        found = found || strcmp(files.identity[i], identity) == 0;
+    }
+    return found;
+}
+
 /* A stick that is forgotten in the aircraft comes again at each power-on, and each time it would
  * cost the other slot and keep the aircraft on the ground: a file that was read to its end and
  * refused is left alone, and so is everything once as many came to nothing as a stick may cost. */
 static bool is_tried_again(const struct odidctl_places *places, const char *path,
                            char identity[UPDATE_IDENTITY_SIZE])
 {
-    char kept[ODIDCTL_PATH_SIZE], before[UPDATE_IDENTITY_SIZE], failures[16];
+    char kept[ODIDCTL_PATH_SIZE], failures[16];
     struct stat file = {0};
     const char *name = strrchr(path, '/');
 
@@ -332,11 +377,9 @@ static bool is_tried_again(const struct odidctl_places *places, const char *path
     for (char *c = identity; *c != '\0'; c++) { /* it is kept as one line */
         *c = (unsigned char)*c < ' ' ? '?' : *c;
     }
-    snprintf(kept, sizeof(kept), "%s/" UPDATE_STICK_FILE, places->data);
-    whole_file_line(kept, before, sizeof(before));
     snprintf(kept, sizeof(kept), "%s/" UPDATE_STICK_FAILURES_FILE, places->state);
     whole_file_line(kept, failures, sizeof(failures));
-    if (strcmp(identity, before) == 0) {
+    if (came_to_nothing(places, identity)) {
         puts("This file was tried and came to nothing: it is left alone. Copy it anew, or give it "
              "by the page.");
         return true;
@@ -351,9 +394,12 @@ static bool is_tried_again(const struct odidctl_places *places, const char *path
 static void remember_failure(const struct odidctl_places *places, const char *identity)
 {
     char kept[ODIDCTL_PATH_SIZE], text[16];
+    struct stick_files files;
 
-    snprintf(kept, sizeof(kept), "%s/" UPDATE_STICK_FILE, places->data);
-    whole_file_replace(kept, identity, strlen(identity), 0644);
+    read_stick_files(places, &files);
+    memmove(files.identity[1], files.identity[0], sizeof(files) - UPDATE_IDENTITY_SIZE);
+    snprintf(files.identity[0], UPDATE_IDENTITY_SIZE, "%s", identity);
+    write_stick_files(places, &files);
     snprintf(kept, sizeof(kept), "%s/" UPDATE_STICK_FAILURES_FILE, places->state);
     whole_file_line(kept, text, sizeof(text));
     snprintf(text, sizeof(text), "%d\n", atoi(text) + 1);
