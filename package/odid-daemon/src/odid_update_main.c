@@ -99,20 +99,32 @@ static void show(void)
     }
 }
 
+/* Where /data is full there is room once the record is gone, which isn't needed any more then. */
+static void write_result(const struct update_result *result, bool decided)
+{
+    time_t known = self.time_known ? time(NULL) : 0;
+    int written = update_write_result(DATA, result, known);
+
+    if (decided) {
+        complain("the trial's record can't be removed", update_remove_record(DATA));
+        written = written < 0 ? update_write_result(DATA, result, known) : written;
+    }
+    complain("the update's result can't be kept", written);
+}
+
 static void keep_result(enum update_outcome outcome, const char *to, const char *format,
                         va_list arguments)
 {
     struct update_result result = {.outcome = outcome};
     bool recorded = outcome != UPDATE_REFUSED && self.record.from[0] != '\0';
+    bool decided = outcome != UPDATE_REFUSED || !self.beside;
 
     snprintf(result.from, sizeof(result.from), "%s", recorded ? self.record.from : self.version);
     snprintf(result.to, sizeof(result.to), "%s", to);
     vsnprintf(result.sentence, sizeof(result.sentence), format, arguments);
     log_info("update: %s", result.sentence);
-    complain("the update's result can't be kept",
-             update_write_result(DATA, &result, self.time_known ? time(NULL) : 0));
-    if (outcome != UPDATE_REFUSED || !self.beside) {
-        complain("the trial's record can't be removed", update_remove_record(DATA));
+    write_result(&result, decided);
+    if (decided) {
         odidctl_set_fault(FAULTS, "update", outcome == UPDATE_BACK ? result.sentence : NULL);
     }
 }

@@ -47,18 +47,23 @@ static void model_sync(void);
 #define update_gate_serve model_gate_serve
 #define update_gate_ask model_gate_ask
 #define sync model_sync
+#define update_write_result model_write_result
 #define main odid_update_main
 #include "odid_update_main.c"
 #include "update_hawkbit.c"
 #undef main
 #undef kill
 #undef sync
+#undef update_write_result
+
+int update_write_result(const char *data, const struct update_result *result, time_t time);
 
 /* ---- the models ---- */
 
 static struct {
     struct update_variables variables;
     bool writable, spoilt; /* the other slot */
+    bool full;             /* /data, but for what the record takes */
     bool armed, arms_while_flushing;
     const char *bt5;          /* its state; Bluetooth 4 is on the air */
     unsigned restarts, ended; /* init was told to restart; SWUpdate was ended */
@@ -99,6 +104,13 @@ int update_variables_write(const char *config, const struct update_variables *va
     (void)config, (void)report;
     board.variables = *variables;
     return 0;
+}
+
+int model_write_result(const char *data, const struct update_result *result, time_t time)
+{
+    return board.full && access(DATA "/" UPDATE_RECORD_FILE, F_OK) == 0
+               ? -ENOSPC
+               : update_write_result(data, result, time);
 }
 
 bool update_slot_protect(char slot, bool protect)
@@ -367,6 +379,22 @@ static void what_is_not_the_version_that_was_offered_is_rolled_back(void **state
     assert_string_equal(back, "1.1.0"); /* for the stick */
 }
 
+/* The fault that says it ends with the restart. */
+static void a_rolled_back_one_is_remembered_where_data_is_full(void **state)
+{
+    char back[32];
+
+    (void)state;
+    slot_b_is_on_trial();
+    board.bt5 = "absent";
+    board.full = true;
+    pass(70);
+    assert_int_equal(board.variables.trial_failed, 'b');
+    whole_file_line(DATA "/" UPDATE_BACK_FILE, back, sizeof(back));
+    assert_string_equal(back, "1.1.0");
+    assert_int_equal(access(DATA "/" UPDATE_RESULT_FILE, F_OK), 0);
+}
+
 /* A failed trial, armed before the restart; odid-update ends, and is started again. */
 static void a_failed_trial_stays_failed_over_its_own_restart(void **state)
 {
@@ -448,6 +476,7 @@ int main(void)
         cmocka_unit_test_setup(a_channel_that_ends_with_the_new_version_ends_its_trial, setup),
         cmocka_unit_test_setup(a_channel_that_is_switched_off_is_not_asked_for, setup),
         cmocka_unit_test_setup(what_is_not_the_version_that_was_offered_is_rolled_back, setup),
+        cmocka_unit_test_setup(a_rolled_back_one_is_remembered_where_data_is_full, setup),
         cmocka_unit_test_setup(a_failed_trial_stays_failed_over_its_own_restart, setup),
         cmocka_unit_test_setup(what_was_called_off_is_not_started, setup),
         cmocka_unit_test_setup(what_was_called_off_before_the_gate_is_not_written, setup),
