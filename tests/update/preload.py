@@ -81,13 +81,12 @@ long read(int fd, void *data, unsigned long size)
 DRY_RUN = """
 #include <network_ipc.h>
 
-int ipc_inst_start(void)
+int ipc_inst_start_ext(void *priv, ssize_t size)
 {
-    static struct swupdate_request request;
+    struct swupdate_request *request = priv;
 
-    swupdate_prepare_req(&request);
-    request.dry_run = RUN_DRYRUN;
-    return REAL(ipc_inst_start_ext)(&request, sizeof(request));
+    request->dry_run = RUN_DRYRUN;
+    return REAL(ipc_inst_start_ext)(request, size);
 }
 """
 

@@ -49,6 +49,7 @@ static struct {
     bool beside;   /* a bundle came while another update isn't decided: the gate refuses it */
     bool stopping; /* it was told to end */
     bool passed;   /* the gate said yes to what is being installed */
+    enum update_source source;          /* of that */
     char refused[UPDATE_SENTENCE_SIZE]; /* why the gate refused this bundle, or "" */
     char reason[UPDATE_SENTENCE_SIZE];  /* why it was rolled back, until the restart; or "" */
     bool overwritten; /* a bundle was refused since, and that is the last result */
@@ -252,10 +253,16 @@ static void end_installer(void)
     complain("SWUpdate can't be ended", update_installer_end(INSTALLER));
 }
 
+/* A server whose update this wasn't would close the one that waits there. */
+static enum update_report report(enum update_report what)
+{
+    return self.record.from_server ? what : UPDATE_REPORT_NOTHING;
+}
+
 static void commit(int64_t now_us)
 {
     struct update_variables variables = {.slot = self.running};
-    int result = update_variables_write(ENVIRONMENT_CONFIG, &variables, UPDATE_REPORT_GOOD);
+    int result = update_variables_write(ENVIRONMENT_CONFIG, &variables, report(UPDATE_REPORT_GOOD));
 
     if (result < 0) { /* tried again in a second */
         complain("the slot can't be committed", result);
@@ -279,7 +286,8 @@ static void keep_reason(void)
 static void give_up(int64_t now_us)
 {
     struct update_variables variables = {.slot = self.other, .trial_failed = self.running};
-    int result = update_variables_write(ENVIRONMENT_CONFIG, &variables, UPDATE_REPORT_FAILED);
+    int result =
+        update_variables_write(ENVIRONMENT_CONFIG, &variables, report(UPDATE_REPORT_FAILED));
 
     if (result < 0) {
         complain("the slot can't be given up", result);
@@ -371,11 +379,17 @@ static void on_begins(int64_t now_us)
         return; /* it does one at a time: that isn't its word */
     }
     self.beside = undecided();
+    self.source = UPDATE_SOURCE_UNKNOWN;
     self.refused[0] = '\0';
     if (!self.beside) {
         update_begins(&self.update, now_us);
         show();
     }
+}
+
+static void on_source(enum update_source source)
+{
+    self.source = source;
 }
 
 /* Is it beside another update still? When that was decided meanwhile, it is the one that counts. */
@@ -395,6 +409,7 @@ static void begin_record(void)
 
     memset(&self.record, 0, sizeof(self.record));
     self.record.slot = self.other;
+    self.record.from_server = self.source == UPDATE_SOURCE_SERVER;
     snprintf(self.record.from, sizeof(self.record.from), "%s", self.version);
     snprintf(self.record.to, sizeof(self.record.to), "%s", self.update.version);
     take_channels(status);
@@ -644,7 +659,7 @@ static void resume(bool first, int64_t now_us)
         if (recorded) {
             explain_fallback(fallback);
         }
-        settle(UPDATE_REPORT_FAILED);
+        settle(report(UPDATE_REPORT_FAILED));
     } else {
         if (recorded && self.record.slot == self.running) {
             keep(UPDATE_INSTALLED, self.version, "Version %s is installed.", self.version);
@@ -720,7 +735,7 @@ static void on_signal(void *context, uint32_t events, int64_t now_us)
 static int serve(void)
 {
     static const struct update_installer_calls calls = {
-        .begins = on_begins, .progress = on_progress, .ends = on_ends};
+        .begins = on_begins, .source = on_source, .progress = on_progress, .ends = on_ends};
     static const struct update_gate_calls gate = {
         .known = is_known, .judge = judge_offer, .cancel = cancel};
     bool first = access(STATE "/" UPDATE_STATE_FILE, F_OK) < 0; /* since power-on */

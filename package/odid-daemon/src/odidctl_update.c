@@ -259,6 +259,7 @@ static int install(const struct odidctl_places *places, const char *name, bool *
 {
     const struct timespec moment = {.tv_nsec = LOOK_MS * 1000000};
     struct before before = look_before(places);
+    struct swupdate_request request;
     struct source source;
     int installer, code;
     bool whole;
@@ -268,7 +269,9 @@ static int install(const struct odidctl_places *places, const char *name, bool *
     if (!open_source(name, &source)) {
         return ODIDCTL_NOT_GOOD;
     }
-    installer = ipc_inst_start();
+    swupdate_prepare_req(&request);
+    request.source = SOURCE_LOCAL; /* no server's: none is told, or left alone for it */
+    installer = ipc_inst_start_ext(&request, sizeof(request));
     if (installer < 0) {
         close(source.fd);
         fputs("odidctl: SWUpdate takes no bundle: another update is being installed, or it isn't "

@@ -102,6 +102,7 @@ int update_write_record(const char *data, const struct update_record *record)
     add(object, "slot", text(slot));
     add(object, "from", text(record->from));
     add(object, "to", text(record->to));
+    add(object, "from_server", json_object_new_boolean(record->from_server));
     add(object, "channels", number(record->channels_known ? (int)record->channels : -1));
     for (unsigned i = 0; i < record->services.count; i++) {
         if (record->services.service[i].pid != 0) {
@@ -159,6 +160,7 @@ int update_read_record(const char *data, struct update_record *record)
     record->slot = slot[0];
     take_text(object, "from", record->from, sizeof(record->from));
     take_text(object, "to", record->to, sizeof(record->to));
+    record->from_server = json_object_get_boolean(json_object_object_get(object, "from_server"));
     channels = json_object_object_get(object, "channels");
     record->channels_known = channels != NULL;
     record->channels = (unsigned)json_object_get_int(channels);

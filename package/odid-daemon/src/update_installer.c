@@ -27,6 +27,7 @@ static struct {
     pid_t heard;     /* the SWUpdate that was listened to last; 0: none, -1: not known which */
     struct loop_watch notices, progress;
     bool running, succeeded;
+    enum update_source source;
     char complaint[UPDATE_SENTENCE_SIZE];
 } self = {.notices = {.fd = -1}, .progress = {.fd = -1}};
 
@@ -111,12 +112,58 @@ void update_installer_explain(const char *complaint, const char *hardware, char 
 
 /* ---- what it says ---- */
 
+static void begin(int64_t now_us)
+{
+    if (!self.in_history) {
+        self.calls->begins(now_us);
+        self.calls->source(self.source);
+    }
+}
+
+/* It may be read before the START that was said first, by the other socket: while nothing goes on
+ * it is of what comes. */
+static void take_source(sourcetype said)
+{
+    enum update_source source = said == SOURCE_SURICATTA ? UPDATE_SOURCE_SERVER
+                                : said == SOURCE_UNKNOWN ? UPDATE_SOURCE_UNKNOWN
+                                                         : UPDATE_SOURCE_OTHER;
+
+    if (source != self.source) {
+        self.source = source;
+        if (self.running && !self.in_history) {
+            self.calls->source(source);
+        }
+    }
+}
+
+static void take_progress(const struct progress_msg *message, int64_t now_us)
+{
+    take_source(message->source);
+    if (self.running && !self.in_history && message->cur_step > 0 &&
+        (message->status == RUN || message->status == PROGRESS)) {
+        self.calls->progress((int)message->cur_percent, now_us);
+    }
+}
+
+/* One, in one piece: SWUpdate sends them so. */
+static bool read_progress(int flags, int64_t now_us)
+{
+    static struct progress_msg message;
+
+    if (recv(self.progress.fd, &message, sizeof(message), flags) != (ssize_t)sizeof(message)) {
+        return false;
+    }
+    take_progress(&message, now_us);
+    return true;
+}
+
 static void end(int64_t now_us)
 {
     self.running = false;
     if (!self.in_history) {
         self.calls->ends(self.succeeded ? "" : self.complaint, now_us);
     }
+    self.source = UPDATE_SOURCE_UNKNOWN;
 }
 
 static void take_notice(const ipc_message *message, int64_t now_us)
@@ -126,9 +173,7 @@ static void take_notice(const ipc_message *message, int64_t now_us)
         self.running = true;
         self.succeeded = false;
         self.complaint[0] = '\0';
-        if (!self.in_history) {
-            self.calls->begins(now_us);
-        }
+        begin(now_us);
         break;
     case SUCCESS:
         self.succeeded = true;
@@ -145,6 +190,9 @@ static void take_notice(const ipc_message *message, int64_t now_us)
         }
         break;
     case IDLE:
+        /* By the other socket it has said before whose it was. */
+        while (self.running && read_progress(MSG_DONTWAIT, now_us)) {
+        }
         if (self.running) {
             end(now_us);
         }
@@ -192,17 +240,10 @@ static void on_notice(void *context, uint32_t events, int64_t now_us)
 
 static void on_progress(void *context, uint32_t events, int64_t now_us)
 {
-    static struct progress_msg message;
-
     (void)context;
     (void)events;
-    if (read(self.progress.fd, &message, sizeof(message)) != (ssize_t)sizeof(message)) {
+    if (!read_progress(0, now_us)) {
         lose(now_us);
-        return;
-    }
-    if (self.running && !self.in_history && message.cur_step > 0 &&
-        (message.status == RUN || message.status == PROGRESS)) {
-        self.calls->progress((int)message.cur_percent, now_us);
     }
 }
 
@@ -213,7 +254,7 @@ static void on_history_told(void *context, int64_t now_us)
     (void)context;
     self.in_history = false;
     if (self.running) { /* an install is going on: we came late */
-        self.calls->begins(now_us);
+        begin(now_us);
     }
 }
 

@@ -8,8 +8,16 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+/* Who gave it the bundle, as far as it has said so. */
+enum update_source {
+    UPDATE_SOURCE_UNKNOWN,
+    UPDATE_SOURCE_SERVER, /* its own hawkBit client */
+    UPDATE_SOURCE_OTHER,
+};
+
 struct update_installer_calls {
     void (*begins)(int64_t now_us);
+    void (*source)(enum update_source source); /* after that, and when it is another one */
     void (*progress)(int percent, int64_t now_us);
     /* why: what went wrong, a sentence; empty when it is installed. */
     void (*ends)(const char *why, int64_t now_us);

@@ -66,6 +66,7 @@ static struct {
     bool full;             /* /data, but for what the record takes */
     bool armed, arms_while_flushing;
     const char *bt5;          /* its state; Bluetooth 4 is on the air */
+    char report;              /* to hawkBit's server */
     unsigned restarts, ended; /* init was told to restart; SWUpdate was ended */
 } board;
 
@@ -101,7 +102,8 @@ int update_variables_read(const char *config, const char *defaults, char running
 int update_variables_write(const char *config, const struct update_variables *variables,
                            enum update_report report)
 {
-    (void)config, (void)report;
+    (void)config;
+    board.report = (char)report;
     board.variables = *variables;
     return 0;
 }
@@ -226,16 +228,22 @@ static void slot_a_runs_1_0_0(void)
 }
 
 /* A bundle of 1.1.0 is given, passes the gate, and is written. */
-static void written(void)
+static void written_from(enum update_source source)
 {
     put(DESCRIPTION, "version = \"1.1.0\";\nhardware-compatibility: [ \"odid-cm4\" ];\n"
                      "slot-octets = \"9\";\n");
     on_begins(now_us);
+    on_source(source);
     judge_offer(false, answer);
     assert_string_equal(answer, "");
     assert_string_equal(self.update.version, "1.1.0"); /* the one that was signed */
     on_progress(50, now_us);
     assert_int_equal(self.update.state, UPDATE_INSTALLING);
+}
+
+static void written(void)
+{
+    written_from(UPDATE_SOURCE_OTHER);
 }
 
 static void mark(void)
@@ -245,16 +253,21 @@ static void mark(void)
 }
 
 /* All that was on the air in slot a is, at first. */
-static void slot_b_is_on_trial(void)
+static void slot_b_is_on_trial_from(enum update_source source)
 {
     board.bt5 = "on air";
     slot_a_runs_1_0_0();
-    written();
+    written_from(source);
     mark();
     on_ends("", now_us);
     put(STATE "/slot", "b\n");
     put(VERSION_FILE, "1.1.0\n");
     begin(true);
+}
+
+static void slot_b_is_on_trial(void)
+{
+    slot_b_is_on_trial_from(UPDATE_SOURCE_OTHER);
 }
 
 static int setup(void **state)
@@ -395,6 +408,33 @@ static void a_rolled_back_one_is_remembered_where_data_is_full(void **state)
     assert_int_equal(access(DATA "/" UPDATE_RESULT_FILE, F_OK), 0);
 }
 
+/* Whose update it wasn't, that server closed the one that was waiting there. */
+static void a_server_is_told_of_its_own_updates_only(void **state)
+{
+    for (unsigned source = UPDATE_SOURCE_UNKNOWN; source <= UPDATE_SOURCE_OTHER; source++) {
+        bool told = source == UPDATE_SOURCE_SERVER;
+
+        setup(state);
+        slot_b_is_on_trial_from(source);
+        pass(30);
+        assert_int_equal(board.report, told ? UPDATE_REPORT_GOOD : UPDATE_REPORT_NOTHING);
+
+        setup(state);
+        slot_b_is_on_trial_from(source);
+        board.bt5 = "absent";
+        pass(70);
+        assert_int_equal(board.report, told ? UPDATE_REPORT_FAILED : UPDATE_REPORT_NOTHING);
+
+        setup(state); /* U-Boot has given it up */
+        slot_b_is_on_trial_from(source);
+        board.variables = (struct update_variables){.slot = 'a', .trial_failed = 'b'};
+        put(STATE "/slot", "a\n");
+        put(VERSION_FILE, "1.0.0\n");
+        begin(true);
+        assert_int_equal(board.report, told ? UPDATE_REPORT_FAILED : UPDATE_REPORT_NOTHING);
+    }
+}
+
 /* A failed trial, armed before the restart; odid-update ends, and is started again. */
 static void a_failed_trial_stays_failed_over_its_own_restart(void **state)
 {
@@ -477,6 +517,7 @@ int main(void)
         cmocka_unit_test_setup(a_channel_that_is_switched_off_is_not_asked_for, setup),
         cmocka_unit_test_setup(what_is_not_the_version_that_was_offered_is_rolled_back, setup),
         cmocka_unit_test_setup(a_rolled_back_one_is_remembered_where_data_is_full, setup),
+        cmocka_unit_test_setup(a_server_is_told_of_its_own_updates_only, setup),
         cmocka_unit_test_setup(a_failed_trial_stays_failed_over_its_own_restart, setup),
         cmocka_unit_test_setup(what_was_called_off_is_not_started, setup),
         cmocka_unit_test_setup(what_was_called_off_before_the_gate_is_not_written, setup),

@@ -59,16 +59,27 @@ static void say(int fd, char letter)
     }
 }
 
-/* history: a letter for each message: Start, Failure, Good, Idle, Error of the socket's; a word for
- * each time that somebody begins to listen. */
-static void serve(const char *history, int orders)
+/* By the other socket: server or local. */
+static void say_progress(int fd, char letter)
+{
+    struct progress_msg message = {.status = FAILURE,
+                                   .source = letter == 's' ? SOURCE_SURICATTA : SOURCE_LOCAL};
+
+    if (write(fd, &message, sizeof(message)) != sizeof(message)) {
+        _exit(1);
+    }
+}
+
+/* history: a letter for each message: Start, Failure, Good, Idle, Error of the socket's, (server's,
+ * local one's) progress; a word for each time that somebody begins to listen. */
+static void serve(const char *history, int orders, int progress)
 {
     int control = listen_at(get_ctrl_socket());
     ipc_message message;
     char order;
 
     for (;;) {
-        int fd = accept(control, NULL, NULL);
+        int fd = accept(control, NULL, NULL), listener = accept(progress, NULL, NULL);
 
         if (read(fd, &message, sizeof(message)) != sizeof(message)) {
             _exit(1);
@@ -78,13 +89,18 @@ static void serve(const char *history, int orders)
             _exit(1);
         }
         for (; *history != '\0' && *history != ' '; history++) {
-            say(fd, *history);
+            if (*history == 's' || *history == 'l') {
+                say_progress(listener, *history);
+            } else {
+                say(fd, *history);
+            }
         }
         history += *history == ' ';
         if (read(orders, &order, 1) != 1) {
             _exit(0);
         }
         close(fd);
+        close(listener);
     }
 }
 
@@ -98,8 +114,7 @@ static struct swupdate start(const char *history)
     one.pid = fork();
     if (one.pid == 0) {
         close(ends[1]);
-        listen_at(get_prog_socket());
-        serve(history, ends[0]);
+        serve(history, ends[0], listen_at(get_prog_socket()));
     }
     close(ends[0]);
     return one;
@@ -119,12 +134,19 @@ static void end(struct swupdate one)
 static struct {
     unsigned begun, ended;
     char why[200];
+    enum update_source source;
 } told, expected;
 
 static void on_begins(int64_t now_us)
 {
     (void)now_us;
     told.begun++;
+    told.source = UPDATE_SOURCE_UNKNOWN;
+}
+
+static void on_source(enum update_source source)
+{
+    told.source = source;
 }
 
 static void on_progress(int percent, int64_t now_us)
@@ -143,7 +165,7 @@ static void on_ends(const char *why, int64_t now_us)
 static bool it_was_told(void)
 {
     return told.begun == expected.begun && told.ended == expected.ended &&
-           strcmp(told.why, expected.why) == 0;
+           strcmp(told.why, expected.why) == 0 && told.source == expected.source;
 }
 
 /* This, and no more. */
@@ -157,10 +179,11 @@ static void expect_told(unsigned begun, unsigned ended, const char *why)
     assert_true(it_was_told());
 }
 
+static const struct update_installer_calls calls = {
+    .begins = on_begins, .source = on_source, .progress = on_progress, .ends = on_ends};
+
 static void history_is_news_unless_it_was_heard(void **state)
 {
-    static const struct update_installer_calls calls = {
-        .begins = on_begins, .progress = on_progress, .ends = on_ends};
     struct swupdate one = start("SFI SFIS");
 
     (void)state;
@@ -180,6 +203,29 @@ static void history_is_news_unless_it_was_heard(void **state)
 
     one = start("SEGI");
     expect_told(3, 3, ""); /* installed, whatever became of an answer to somebody else */
+    end(one);
+}
+
+/* Also of one that came to nothing at once. */
+static void whose_it_was_is_told_before_its_end(void **state)
+{
+    struct swupdate one;
+
+    (void)state;
+    memset(&told, 0, sizeof(told));
+    assert_int_equal(loop_init(), 0);
+    update_installer_watch(&calls, true);
+    one = start("SsFI");
+    expected.source = UPDATE_SOURCE_SERVER;
+    expect_told(1, 1, "HASH mismatch");
+    end(one);
+    one = start("SlFI");
+    expected.source = UPDATE_SOURCE_OTHER;
+    expect_told(2, 2, "HASH mismatch");
+    end(one);
+    one = start("SFI");
+    expected.source = UPDATE_SOURCE_UNKNOWN;
+    expect_told(3, 3, "HASH mismatch");
     end(one);
 }
 
@@ -254,6 +300,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(history_is_news_unless_it_was_heard),
+        cmocka_unit_test(whose_it_was_is_told_before_its_end),
         cmocka_unit_test(it_is_ended_by_its_number_and_its_start),
     };
 

@@ -258,6 +258,7 @@ static void a_record_over_the_restart(void **state)
     struct update_record in = {.slot = 'b',
                                .from = "1.0.0",
                                .to = "1.2.0",
+                               .from_server = true,
                                .channels_known = true,
                                .channels = BT4 | WIFI},
                          out;
@@ -273,6 +274,7 @@ static void a_record_over_the_restart(void **state)
     assert_int_equal(out.slot, 'b');
     assert_string_equal(out.from, "1.0.0");
     assert_string_equal(out.to, "1.2.0");
+    assert_true(out.from_server);
     assert_true(out.channels_known);
     assert_int_equal(out.channels, BT4 | WIFI);
     assert_int_equal(out.services.count, 1);
