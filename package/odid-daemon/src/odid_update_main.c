@@ -325,6 +325,12 @@ static void restart_board(void)
     kill(1, SIGTERM); /* init's order to restart */
 }
 
+/* A technician's isn't, and no server is left alone for it. */
+static bool may_be_its_server_s(void)
+{
+    return self.source != UPDATE_SOURCE_OTHER;
+}
+
 static void act(int64_t now_us)
 {
     struct update_board board;
@@ -334,7 +340,8 @@ static void act(int64_t now_us)
     switch (update_tick(&self.update, &board, now_us)) {
     case UPDATE_STOP:
         /* Also when it was called off: its server, which doesn't know, would begin again. */
-        if (!self.stopping && (self.update.slow || (self.passed && !board.armed))) {
+        if (!self.stopping && may_be_its_server_s() &&
+            (self.update.slow || self.update.called_off)) {
             update_hawkbit_pause(now_us);
         }
         self.stopping = true; /* it may take its time */
@@ -509,8 +516,10 @@ static void on_ends(const char *why, int64_t now_us)
         update_hawkbit_came_through();
         update_installed(&self.update, now_us);
     } else {
-        if (broke_off) {
+        if (broke_off && may_be_its_server_s()) {
             update_hawkbit_report_and_pause(now_us);
+        } else if (!passed && self.update.stopped == NULL && self.source == UPDATE_SOURCE_SERVER) {
+            update_hawkbit_failed(now_us);
         }
         refuse(why[0] != '\0' ? why : "all went well, but nothing is marked to be started.",
                self.update.version);
@@ -734,8 +743,11 @@ static void on_signal(void *context, uint32_t events, int64_t now_us)
 
 static int serve(void)
 {
-    static const struct update_installer_calls calls = {
-        .begins = on_begins, .source = on_source, .progress = on_progress, .ends = on_ends};
+    static const struct update_installer_calls calls = {.begins = on_begins,
+                                                        .source = on_source,
+                                                        .progress = on_progress,
+                                                        .ends = on_ends,
+                                                        .lost = update_hawkbit_lost};
     static const struct update_gate_calls gate = {
         .known = is_known, .judge = judge_offer, .cancel = cancel};
     bool first = access(STATE "/" UPDATE_STATE_FILE, F_OK) < 0; /* since power-on */

@@ -29,6 +29,17 @@ void update_hawkbit_pause(int64_t now_us);
 void update_hawkbit_report_and_pause(int64_t now_us);
 bool update_hawkbit_reports(int64_t now_us);
 
+/* One of its server's updates came to nothing before it was looked at closer. It may; but from the
+ * second one in a row on the same is done. */
+void update_hawkbit_failed(int64_t now_us);
+
+/*
+ * SWUpdate ended while nothing was installed. Its client does that by itself over an answer that it
+ * doesn't understand, at each start: after three times within a minute it is left alone, and the
+ * fault hawkbit-server says so.
+ */
+void update_hawkbit_lost(int64_t now_us);
+
 /* An update came through: the next pause is a short one again. */
 void update_hawkbit_came_through(void);
 

@@ -219,6 +219,8 @@ static void lose(int64_t now_us)
         self.succeeded = false;
         snprintf(self.complaint, sizeof(self.complaint), "SWUpdate ended");
         end(now_us);
+    } else {
+        self.calls->lost(now_us);
     }
     self.in_history = false;
     loop_arm(&self.again, now_us + AGAIN_US);

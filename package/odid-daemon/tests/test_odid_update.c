@@ -318,7 +318,7 @@ static void after_one_that_broke_off_hawkbit_is_left_alone(void **state)
 {
     (void)state;
     slot_a_runs_1_0_0();
-    written();
+    written_from(UPDATE_SOURCE_SERVER);
     on_ends("", now_us); /* nobody asks a server */
     assert_int_equal(access(HAWKBIT_PAUSE, F_OK), -1);
     put(HAWKBIT, "-u https://updates.example.org\n");
@@ -326,7 +326,7 @@ static void after_one_that_broke_off_hawkbit_is_left_alone(void **state)
         int64_t pause_us = (minutes < 160 ? minutes : 160) * 60 * SECOND_US;
 
         assert_true(hawkbit.pause_us == pause_us);
-        written();
+        written_from(UPDATE_SOURCE_SERVER);
         on_ends("", now_us);
         assert_int_equal(access(HAWKBIT_PAUSE, F_OK), 0);
         assert_true(hawkbit.pause.deadline_us == now_us + pause_us);
@@ -336,10 +336,94 @@ static void after_one_that_broke_off_hawkbit_is_left_alone(void **state)
         assert_int_equal(access(HAWKBIT_PAUSE, F_OK), -1);
         hawkbit.reporting_until_us = 0; /* the gate goes by the real clock */
     }
-    written();
+    written_from(UPDATE_SOURCE_SERVER);
     mark();
     on_ends("", now_us);
     assert_true(hawkbit.pause_us == PAUSE_US);
+}
+
+/* As one that passes the gate isn't: what isn't even a bundle. */
+static void came_to_nothing(enum update_source source)
+{
+    on_begins(now_us);
+    on_source(source);
+    on_ends("Image invalid", now_us += SECOND_US);
+}
+
+/* Garbage, again and again: it was being checked without end, and nobody else's came in. */
+static void a_server_that_offers_garbage_is_left_alone(void **state)
+{
+    (void)state;
+    slot_a_runs_1_0_0();
+    put(HAWKBIT, "-u https://updates.example.org\n");
+    for (unsigned i = 0; i < 5; i++) { /* a technician's */
+        came_to_nothing(UPDATE_SOURCE_OTHER);
+    }
+    came_to_nothing(UPDATE_SOURCE_SERVER);
+    assert_int_equal(access(HAWKBIT_PAUSE, F_OK), -1); /* once may be */
+    came_to_nothing(UPDATE_SOURCE_SERVER);
+    assert_int_equal(access(HAWKBIT_PAUSE, F_OK), 0);
+    assert_true(update_hawkbit_reports(now_us));
+    assert_true(hawkbit.pause_us == 2 * PAUSE_US);
+    came_to_nothing(UPDATE_SOURCE_SERVER); /* of the same visit */
+    assert_true(hawkbit.pause_us == 2 * PAUSE_US);
+}
+
+static void one_that_is_called_off_before_the_gate_is_not_begun_again(void **state)
+{
+    (void)state;
+    slot_a_runs_1_0_0();
+    put(HAWKBIT, "-u https://updates.example.org\n");
+    on_begins(now_us);
+    on_source(UPDATE_SOURCE_SERVER);
+    cancel(answer);
+    assert_int_equal(access(HAWKBIT_PAUSE, F_OK), 0);
+}
+
+/* Slow, called off or broken off: no server has to do with it. */
+static void for_a_technician_s_file_no_server_is_left_alone(void **state)
+{
+    (void)state;
+    slot_a_runs_1_0_0();
+    put(HAWKBIT, "-u https://updates.example.org\n");
+    on_begins(now_us);
+    on_source(UPDATE_SOURCE_OTHER);
+    pass(40);
+    assert_true(self.update.slow);
+    on_ends("SWUpdate ended", now_us);
+    written();
+    cancel(answer);
+    on_ends("SWUpdate ended", now_us);
+    written();
+    on_ends("HASH mismatch", now_us);
+    assert_int_equal(access(HAWKBIT_PAUSE, F_OK), -1);
+}
+
+/* Its client aborts over it, at each start; and so no bundle came in. */
+static void a_server_that_ends_swupdate_is_left_alone(void **state)
+{
+    char said[300];
+
+    (void)state;
+    slot_a_runs_1_0_0();
+    put(CONFIGURATION, "[update]\nhawkbit_url = https://updates.example.org\n");
+    for (unsigned i = 0; i < 5; i++) { /* nobody asks a server */
+        update_hawkbit_lost(now_us += SECOND_US);
+    }
+    put(HAWKBIT, "-u https://updates.example.org\n");
+    for (unsigned i = 0; i < 5; i++) {
+        update_hawkbit_lost(now_us += 31 * SECOND_US);
+    }
+    assert_int_equal(access(HAWKBIT_PAUSE, F_OK), -1);
+    update_hawkbit_lost(now_us += 20 * SECOND_US);
+    assert_int_equal(access(HAWKBIT_PAUSE, F_OK), 0);
+    whole_file_line(FAULTS "/hawkbit-server", said, sizeof(said));
+    assert_non_null(strstr(said, "https://updates.example.org"));
+    assert_non_null(strstr(said, "for 10 minutes"));
+    update_hawkbit_lost(now_us); /* without it that has another reason */
+    assert_true(hawkbit.pause_us == 2 * PAUSE_US);
+    end_pause(NULL, now_us += PAUSE_US);
+    assert_int_equal(access(FAULTS "/hawkbit-server", F_OK), -1);
 }
 
 /* The new version stops it, and nobody has asked for that. */
@@ -513,6 +597,10 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup(what_is_written_is_started_when_disarmed, setup),
         cmocka_unit_test_setup(after_one_that_broke_off_hawkbit_is_left_alone, setup),
+        cmocka_unit_test_setup(a_server_that_offers_garbage_is_left_alone, setup),
+        cmocka_unit_test_setup(one_that_is_called_off_before_the_gate_is_not_begun_again, setup),
+        cmocka_unit_test_setup(for_a_technician_s_file_no_server_is_left_alone, setup),
+        cmocka_unit_test_setup(a_server_that_ends_swupdate_is_left_alone, setup),
         cmocka_unit_test_setup(a_channel_that_ends_with_the_new_version_ends_its_trial, setup),
         cmocka_unit_test_setup(a_channel_that_is_switched_off_is_not_asked_for, setup),
         cmocka_unit_test_setup(what_is_not_the_version_that_was_offered_is_rolled_back, setup),

@@ -136,6 +136,7 @@ static struct {
     char why[200];
     enum update_source source;
 } told, expected;
+static unsigned lost; /* SWUpdate ended while nothing was being installed */
 
 static void on_begins(int64_t now_us)
 {
@@ -162,6 +163,12 @@ static void on_ends(const char *why, int64_t now_us)
     snprintf(told.why, sizeof(told.why), "%s", why);
 }
 
+static void on_lost(int64_t now_us)
+{
+    (void)now_us;
+    lost++;
+}
+
 static bool it_was_told(void)
 {
     return told.begun == expected.begun && told.ended == expected.ended &&
@@ -179,8 +186,11 @@ static void expect_told(unsigned begun, unsigned ended, const char *why)
     assert_true(it_was_told());
 }
 
-static const struct update_installer_calls calls = {
-    .begins = on_begins, .source = on_source, .progress = on_progress, .ends = on_ends};
+static const struct update_installer_calls calls = {.begins = on_begins,
+                                                    .source = on_source,
+                                                    .progress = on_progress,
+                                                    .ends = on_ends,
+                                                    .lost = on_lost};
 
 static void history_is_news_unless_it_was_heard(void **state)
 {
@@ -226,7 +236,10 @@ static void whose_it_was_is_told_before_its_end(void **state)
     one = start("SFI");
     expected.source = UPDATE_SOURCE_UNKNOWN;
     expect_told(3, 3, "HASH mismatch");
+    lost = 0;
     end(one);
+    expect_told(3, 3, "HASH mismatch");
+    assert_int_equal(lost, 1);
 }
 
 /* ---- ending it ---- */
