@@ -257,9 +257,14 @@ def test_the_ground_station_is_heard_by_its_own_way_only(appliance, address, dro
 
 
 def test_a_cable_fills_nobody_s_table_of_neighbours(appliance):
-    """1,024 invented senders were all that the kernel remembers, of the Wi-Fi's technician's interface, too."""
-    limit = 'iifname != { "lo", "wlan0" } arp operation request limit rate over 50/second burst 20 packets counter drop'
-    assert limit in loaded(appliance) and not appliance.fault("arp")
+    """1,024 invented senders were all that the kernel remembers, of the Wi-Fi's technician's interface, too. Whoever asks becomes
+    one, and whoever is answered; a limit for all interfaces together would drop what is asked at the others."""
+    rules = loaded(appliance)
+    limit = "limit rate over 50/second burst 20 packets } counter drop"
+    assert 'iifname != { "lo", "wlan0" } arp operation request update @asking { iifname ' + limit in rules
+    assert "update @answering { oifname " + limit in rules and not appliance.fault("arp")
+    for answer in ("tcp sport { 22, 80 } tcp flags & (syn | rst) != 0x0", "udp sport 67", "meta l4proto icmp"):
+        assert f"\t{answer} jump bounded\n" in rules
 
 
 def test_only_mavlink_router_speaks_to_another_program(appliance):
