@@ -110,6 +110,12 @@ def test_nobody_has_a_password():
             assert line.split()[4] in ("*", "!"), line
 
 
+def test_ssh_asks_nobody_who_a_stranger_is():
+    """It asked a name server before its first word: without an answer whoever came in waited, and strangers' places were held longer."""
+    for board in BOARDS:
+        assert dict(options(defconfig(board)))["BR2_PACKAGE_DROPBEAR_DISABLE_REVERSEDNS"] == "y"
+
+
 def test_an_option_that_did_not_survive_is_found(tmp_path):
     got, wanted, check = tmp_path / "got", tmp_path / "wanted", COMMON / "check-config.sh"
     got.write_text('CONFIG_A=y\n# CONFIG_B is not set\nCONFIG_S="x y"\n')
