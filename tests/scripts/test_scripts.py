@@ -589,6 +589,52 @@ def test_no_lease_takes_the_ground_station_away(appliance, ip, mask, station, in
     assert ("has the ground station's address" in (appliance.fault(f"dhcp-{interface}") or "")) != taken
 
 
+def leased(appliance, interface, lease, others):
+    """What of it is done to addresses; others: {interface: its network}."""
+    appliance.change("lib/odid/dhcp-event", ("ip addr", "/usr/bin/ip addr"), ("ip -4", "/usr/bin/ip -4"))
+    appliance.write("addresses", "1: lo    inet 127.0.0.1/8 scope host lo\n" + "".join(
+        f"{number}: {name}    inet {network} scope global {name}\\       valid_lft forever\n"
+        for number, (name, network) in enumerate(others.items(), 2)))
+    appliance.write("usr/bin/ip", NOTES.replace("echo OK", '[ "$*" != "-4 -o addr" ] || cat /addresses'))
+    appliance.write(f"sys/class/net/{interface}/ifindex", "9\n")
+    ip, mask = lease.split("/")
+    appliance.must(f"interface={interface} ip={ip} mask={mask} router= dns=10.0.0.53 /lib/odid/dhcp-event bound")
+    return [call for call in appliance.calls() if "addr add" in call or "flush" in call][1:]    # first its own is flushed
+
+
+WIRED = {"eth0": "10.20.0.3/24"}
+
+
+@pytest.mark.parametrize("interface, lease, others, lost_to", [
+    ("usb0", "10.20.0.9/24", WIRED, "eth0"), ("usb0", "10.20.0.3/32", WIRED, "eth0"), ("usb0", "10.20.0.130/25", WIRED, "eth0"),
+    ("usb0", "10.9.8.7/8", WIRED, "eth0"), ("usb0", "10.20.1.9/24", WIRED, None), ("usb0", "10.9.8.7/24", {"wlan0": "10.9.8.1/24"}, None),
+    ("usb0", "10.9.8.7/24", {"usb0": "10.9.8.1/24"}, None), ("usb0", "10.9.8.7/24", {"eth1": "10.9.8.1/24"}, "eth1"),
+    ("eth0", "10.9.8.7/24", {"usb0": "10.9.8.1/24", "wwan0": "10.0.0.1/8"}, "wwan0")])
+def test_no_lease_takes_another_adapter_s_network_away(appliance, interface, lease, others, lost_to):
+    """An adapter that anybody plugs in had the network of who came by Ethernet: it got what was for him."""
+    appliance.settings(ground_station__interface="wwan0")
+    assert leased(appliance, interface, lease, others) == ([] if lost_to else [f"ip addr add {lease} dev {interface}"])
+    assert (f"overlaps the one at {lost_to}" in (appliance.fault(f"dhcp-{interface}") or "")) == bool(lost_to)
+    assert [name for name in os.listdir(appliance.root / "run/faults") if name != f"dhcp-{interface}"] == []
+
+
+@pytest.mark.parametrize("way, interface", [("eth0", "eth0"), ("wwan0", "eth0"), ("wwan0", "wwan0"), ("eth1", "eth1")])
+def test_an_adapter_that_was_there_first_gives_way_to_ethernet_and_the_ground_station(appliance, way, interface):
+    appliance.settings(ground_station__interface=way)
+    appliance.write("run/names/005-usb0", "nameserver 10.20.0.66\n")
+    assert leased(appliance, interface, "10.20.0.3/24", {"usb0": "10.20.0.7/16", "usb1": "10.21.0.7/16"}) == [
+        "ip -4 addr flush dev usb0", f"ip addr add 10.20.0.3/24 dev {interface}"]
+    assert f"at usb0 overlaps the one at {interface}" in appliance.fault("dhcp-usb0") and not appliance.fault(f"dhcp-{interface}")
+    assert appliance.read("run/resolv.conf") == "nameserver 10.0.0.53\n"
+
+
+def test_a_network_that_overlapped_is_asked_for_again_when_the_other_has_gone(appliance):
+    for name in ("eth0", "wwan0", "usb0"):
+        appliance.write(f"run/faults/dhcp-{name}", "It overlaps.\n")
+    appliance.must("ACTION=remove MDEV=usb0 /lib/odid/device-network")
+    assert appliance.calls() == ["sv down udhcpc-usb0", "sv term udhcpc", "sv term udhcpc-wwan0"]
+
+
 def test_names_are_asked_where_the_way_out_is(appliance):
     """The last network's server was the only one, and stayed when that network was gone."""
     appliance.change("lib/odid/dhcp-event", ("ip addr", "/usr/bin/ip addr"), ("ip route", "/usr/bin/ip route"))
