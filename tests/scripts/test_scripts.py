@@ -662,6 +662,15 @@ def test_a_lease_at_the_ground_station_s_interface_brings_its_own_way(appliance)
         assert (own in appliance.calls()) == (interface == "wwan0")
 
 
+def test_a_ground_station_in_the_lease_s_own_network_is_reached_without_its_gateway(appliance):
+    appliance.settings(ground_station__address="10.2.0.9")
+    appliance.change("lib/odid/dhcp-event", ("ip addr", "/usr/bin/ip addr"), ("ip route", "/usr/bin/ip route"))
+    appliance.write("sys/class/net/eth0/ifindex", "2\n")
+    appliance.must("interface=eth0 ip=10.2.0.3 mask=24 router=10.2.0.1 dns= /lib/odid/dhcp-event bound")
+    routes = [call for call in appliance.calls() if call.startswith("ip route")]
+    assert routes == ["ip route replace default via 10.2.0.1 dev eth0 metric 2"]
+
+
 @pytest.mark.parametrize("state", ["on", "off"])
 def test_a_radio_that_comes_back_in_maintenance_has_its_addresses(appliance, state):
     """Whoever gave the right password came in, and had no address."""
