@@ -1311,6 +1311,53 @@ def test_an_orphan_is_taken_over_and_a_stranger_with_its_number_is_not(appliance
             one.wait()
 
 
+def running(appliance, service, same):
+    """A process that was started as that service, or is another one with its number."""
+    one = appliance.start("exec sleep 1000")
+    started = int(Path(f"/proc/{one.pid}/stat").read_text().rpartition(")")[2].split()[19])
+    appliance.write(f"run/pid/{service}", f"{one.pid} {started + (not same)}\n")
+    return one
+
+
+def ended_all(*processes):
+    for one in processes:
+        one.kill()
+        one.wait()
+
+
+@pytest.mark.parametrize("same", [True, False])
+def test_a_stranger_with_hostapd_s_number_is_left_alone(appliance, same):
+    appliance.change("etc/sv/hostapd-watch/run", ("limit=15", "limit=1"), ("pause 1", "usleep 20000"))
+    one = running(appliance, "hostapd", same)
+    watch = appliance.start("exec /etc/sv/hostapd-watch/run")
+    try:
+        if same:
+            assert one.wait(LIMIT_S) == -9
+        else:
+            stays("it goes on", lambda: one.poll() is None, 0.5)
+    finally:
+        ended_all(one, watch)
+
+
+@pytest.mark.parametrize("same", [True, False])
+def test_a_stranger_with_the_keeper_s_number_feeds_no_watchdog(appliance, same):
+    os.mknod(appliance.root / "dev/watchdog", 0o20600, os.makedev(1, 3))
+    appliance.write("usr/bin/svok", NOTES)
+    (appliance.root / "usr/bin/svok").chmod(0o755)
+    appliance.change("etc/sv/watchdog/run", ("while pause 2", "while usleep 20000"), ("svok", "/usr/bin/svok"))
+    one = running(appliance, "odid-daemon", same)
+    watchdog = appliance.start("exec /etc/sv/watchdog/run")
+    missed = "its supervisor is not running (5)"
+    try:
+        if same:
+            wait_for("several looks", lambda: appliance.calls().count("svok /run/service/odid-daemon") > 10)
+            assert missed not in appliance.read("dev/kmsg")
+        else:
+            wait_for("that it is missed", lambda: appliance.exists("dev/kmsg") and missed in appliance.read("dev/kmsg"))
+    finally:
+        ended_all(one, watchdog)
+
+
 @pytest.mark.parametrize("comes, told", [("false", "d"), ("true", "du")])
 def test_a_device_that_comes_meanwhile_is_not_missed(appliance, comes, told):
     appliance.write("run/service/test/supervise/control", "")
