@@ -301,6 +301,15 @@ def test_wifi_switched_off_has_no_configuration(appliance):
     assert not appliance.exists("run/hostapd.conf")
 
 
+@pytest.mark.parametrize("setting, code, calls", [
+    ({"broadcast__wifi_beacon_enabled": "false"}, 0, ["sv down hostapd"]), ({"broadcast__wifi_iface": ""}, 1, [])])
+def test_only_wifi_that_is_switched_off_has_no_hostapd(appliance, setting, code, calls):
+    """A configuration that couldn't be made at that moment passed for Wi-Fi switched off: there was none until power-off."""
+    appliance.settings(**setting)
+    assert appliance.run("/etc/sv/hostapd/run").returncode == code
+    assert appliance.calls() == calls and bool(appliance.fault("access_point")) == bool(code)
+
+
 def test_a_hostapd_started_in_maintenance_is_open(appliance):
     appliance.write("data/secrets/maintenance.psk", KEY + "\n")
     appliance.write("run/odid-appliance/maintenance", "on\n")
