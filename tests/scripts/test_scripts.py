@@ -696,7 +696,7 @@ def test_hostapd_s_answers_come_where_nobody_is_in_the_way():
     """Without -s they come to /tmp: with its names taken there by anybody, hostapd passed for one that doesn't answer."""
     calls = [line for path in OVERLAY.rglob("*") if path.is_file() and not path.is_symlink()
              for line in path.read_text(errors="replace").splitlines() if re.search(r"\bhostapd_cli -", line)]
-    assert len(calls) == 2 and all("hostapd_cli -s /run/hostapd-cli " in line for line in calls)
+    assert len(calls) == 3 and all("hostapd_cli -s /run/hostapd-cli " in line for line in calls)
 
 
 # --- services of other layers ----------------------------------------------------------
@@ -1344,6 +1344,20 @@ def test_a_stranger_with_hostapd_s_number_is_left_alone(appliance, same):
             assert one.wait(LIMIT_S) == -9
         else:
             stays("it goes on", lambda: one.poll() is None, 0.5)
+    finally:
+        ended_all(one, watch)
+
+
+def test_what_strangers_send_is_no_line_in_the_log_each_time(appliance):
+    appliance.write("usr/bin/hostapd_cli", NOTES.replace("echo OK", "echo state=ENABLED"))
+    appliance.change("etc/sv/hostapd-watch/run", ("pause 1", "usleep 20000"))
+    one = running(appliance, "hostapd", True)
+    watch = appliance.start("exec /etc/sv/hostapd-watch/run")
+    cli = "hostapd_cli -s /run/hostapd-cli -p /run/hostapd "
+    try:
+        wait_for("several looks", lambda: appliance.calls().count(cli + "status") > 5)
+        assert appliance.calls()[:3] == [cli + "status", cli + "raw LOG_LEVEL WARNING", cli + "status"]
+        assert appliance.calls().count(cli + "raw LOG_LEVEL WARNING") == 1
     finally:
         ended_all(one, watch)
 
