@@ -47,6 +47,15 @@ def test_each_service_is_supervised_and_each_supervised_one_exists():
             assert 'exec /lib/odid/finish "$@"' in finish.read_text() and os.access(finish, os.X_OK)
 
 
+def test_empty_files_fill_no_memory(appliance):
+    """By size alone a folder of everybody's took as many as half of all pages."""
+    appliance.change("etc/init.d/S01mounts", ("mkdir -p /run/faults", "exit 0; mkdir"))
+    made = appliance.must("mkdir -p /tmp /var; /etc/init.d/S01mounts 2>/dev/null || exit; for folder in tmp var; do\n"
+                          "(number=0; while : >/$folder/$((number += 1)); do [ $number -lt 2000 ] || break; done) 2>/dev/null\n"
+                          "ls /$folder | wc -l; done")
+    assert [900 < int(count) < 1100 for count in made.split()] == [True, True]
+
+
 def test_root_follows_no_name_in_the_daemon_s_folder():
     """/run/odid is the daemon's user's: a link that it makes there would lead root anywhere. Its socket is asked by
     odidctl, which doesn't follow one either."""
