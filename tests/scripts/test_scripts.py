@@ -653,6 +653,59 @@ def test_a_network_that_overlapped_is_asked_for_again_when_the_other_has_gone(ap
     assert appliance.calls() == ["sv down udhcpc-usb0", "sv term udhcpc", "sv term udhcpc-wwan0"]
 
 
+RIGHT = "1.2", "12d1", "14dc"
+
+
+def modem(appliance, lease="10.9.8.7/24", interface="usb0", plugged=RIGHT):
+    """Is the lease used? plugged: its USB port and model, or None: it isn't on USB."""
+    usb = appliance.root / "sys/devices/usb1"
+    appliance.must("rm -rf /sys/devices /calls /sys/class/net")
+    for name, value in zip(("devpath", "idVendor", "idProduct"), plugged or ()):
+        appliance.write(usb / name, value + "\n")
+    (usb / "1:1.0").mkdir(parents=True, exist_ok=True)
+    appliance.write(f"sys/class/net/{interface}/ifindex", "9\n")
+    (appliance.root / f"sys/class/net/{interface}/device").symlink_to("../../../devices/usb1/1:1.0")
+    ip, mask = lease.split("/")
+    appliance.must(f"interface={interface} ip={ip} mask={mask} router= dns= /lib/odid/dhcp-event bound")
+    used = f"ip addr add {lease} dev {interface}" in appliance.calls()
+    assert used == ("another one than the ground station's" not in (appliance.fault(f"dhcp-{interface}") or ""))
+    return used
+
+
+@pytest.fixture
+def by_modem(appliance):
+    """The ground station's way is usb0, and a modem had that name."""
+    appliance.settings(ground_station__address="203.0.113.9", ground_station__interface="usb0")
+    appliance.change("lib/odid/dhcp-event", ("ip addr", "/usr/bin/ip addr"))
+    appliance.write("data/odid/odid.conf.imported", "0123456789abcdef\n")
+    assert modem(appliance) and appliance.read("data/odid/way") == "usb0 0123456789abcdef 1.2 12d1 14dc\n"
+    return appliance
+
+
+@pytest.mark.parametrize("plugged, used", [
+    (RIGHT, True), (("1.1", "12d1", "14dc"), False), (("1.2", "12d1", "14db"), False), (("1.2", "0bda", "14dc"), False), (None, True)])
+def test_an_adapter_that_has_the_name_of_the_ground_station_s_isn_t_its_way(by_modem, plugged, used):
+    """Whoever was found first was usb0: a modem of somebody else's heard all, and could speak as the ground station."""
+    assert modem(by_modem, plugged=plugged) == used
+    assert modem(by_modem, interface="usb1", plugged=plugged)
+    assert modem(by_modem)
+
+
+def test_without_a_ground_station_no_adapter_is_kept(appliance):
+    appliance.settings(ground_station__interface="usb0")
+    appliance.change("lib/odid/dhcp-event", ("ip addr", "/usr/bin/ip addr"))
+    assert modem(appliance) and not appliance.exists("data/odid/way")
+
+
+def test_which_adapter_it_was_is_forgotten_with_the_settings(by_modem):
+    other = "1.1", "0bda", "8153"
+    by_modem.write("data/odid/odid.conf.imported", "fedcba9876543210\n")     # another one came from CONFIG
+    assert modem(by_modem, plugged=other) and not modem(by_modem)
+    assert saved(by_modem).returncode == 0
+    assert not by_modem.exists("data/odid/way") and "sv term udhcpc-usb0" in by_modem.calls()
+    assert modem(by_modem)
+
+
 def test_names_are_asked_where_the_way_out_is(appliance):
     """The last network's server was the only one, and stayed when that network was gone."""
     appliance.change("lib/odid/dhcp-event", ("ip addr", "/usr/bin/ip addr"), ("ip route", "/usr/bin/ip route"))
@@ -1086,10 +1139,12 @@ def test_a_factory_reset_forgets_nothing_that_config_can_t_bring_back(appliance,
     appliance.change("etc/init.d/S30data", (". /lib/odid/functions", ". /lib/odid/functions; mount() { :; }; umount() { :; }; mountpoint() { :; }"))
     appliance.write("checked", checked)
     appliance.write("data/odid/odid.conf", "mine\n")
+    appliance.write("data/odid/way", "usb0 - 1.2 12d1 14dc\n")
     appliance.write("data/odid/factory-reset", "")
     appliance.write("etc/odid/odid.conf", "the image's\n")
     said = appliance.must("/etc/init.d/S30data")
     assert appliance.read("data/odid/odid.conf") == ("the image's\n" if forgotten else "mine\n")
+    assert appliance.exists("data/odid/way") != forgotten
     assert appliance.exists("data/odid/factory-reset") == forgotten     # it is S40config's to take away
     assert forgotten or "channel = 99" in said
     assert ("There was no factory reset" in (appliance.fault("factory-reset") or "")) != forgotten
