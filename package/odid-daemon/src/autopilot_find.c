@@ -4,6 +4,7 @@
 #include <poll.h>
 #include <stdbool.h>
 #include <stdint.h>
+#include <termios.h>
 #include <unistd.h>
 
 #include "framing.h"
@@ -55,6 +56,17 @@ static void say_heartbeat(void)
     }
 }
 
+static void let_go(unsigned number)
+{
+    struct pollfd *polled = &self.polled[number];
+
+    if (polled->fd >= 0) {
+        tcflush(polled->fd, TCOFLUSH); /* close() waits 30 s for output that nobody takes */
+        close(polled->fd);
+        polled->fd = -1;
+    }
+}
+
 static void hear(unsigned number)
 {
     struct port *port = &self.ports[number];
@@ -69,8 +81,7 @@ static void hear(unsigned number)
     if (got > 0) {
         framing_stream(&port->framing, &port->counters, octets, (size_t)got, on_frame, port);
     } else if (got == 0 || (errno != EAGAIN && errno != EINTR)) {
-        close(polled->fd); /* unplugged */
-        polled->fd = -1;
+        let_go(number); /* unplugged */
         port->speaks = false;
     }
 }
@@ -133,9 +144,7 @@ int autopilot_find(char *const ports[], unsigned count, unsigned baud, unsigned 
     self.polled[self.count] = (struct pollfd){.fd = asker, .events = 0};
     found = listen_for(seconds);
     for (unsigned i = 0; i < self.count; i++) {
-        if (self.polled[i].fd >= 0) {
-            close(self.polled[i].fd);
-        }
+        let_go(i);
     }
     return found;
 }

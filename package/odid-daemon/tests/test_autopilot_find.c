@@ -10,6 +10,7 @@
 #include <poll.h>
 #include <pthread.h>
 #include <stdbool.h>
+#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include "autopilot_find.h"
@@ -152,6 +153,24 @@ static void test_all_are_spoken_to(void **state)
     }
 }
 
+/* A device that takes no output would hold close() up for 30 s. A pty can't do that, but says that
+ * its output was thrown away: in packet mode, in front of what it still has to be read. */
+static void test_what_nobody_takes_is_thrown_away(void **state)
+{
+    uint8_t said;
+    int on = 1;
+
+    (void)state;
+    for (unsigned i = 0; i < PORTS; i++) {
+        assert_int_equal(ioctl(bench.master[i], TIOCPKT, &on), 0);
+    }
+    assert_int_equal(find(1), -ENODEV);
+    for (unsigned i = 0; i < PORTS; i++) {
+        assert_int_equal(read(bench.master[i], &said, 1), 1);
+        assert_true((said & TIOCPKT_FLUSHWRITE) != 0);
+    }
+}
+
 static void test_unplugged_ports_end_it(void **state)
 {
     int64_t begun_us = loop_now_us();
@@ -186,6 +205,7 @@ int main(void)
         TEST(test_the_first_one_is_taken_at_once),
         TEST(test_no_autopilot_is_none),
         TEST(test_all_are_spoken_to),
+        TEST(test_what_nobody_takes_is_thrown_away),
         TEST(test_unplugged_ports_end_it),
         TEST(test_it_ends_when_nobody_wants_to_know_any_more),
     };
