@@ -18,7 +18,7 @@ def settled(machine):
     """Until only that runs which lasts."""
     machine.wait_inside("the last service", "[ -S /run/swupdate/swupdateprog ] && pidof odid-update")
     machine.wait_inside("the end of the boot scripts", "! ps -o args | grep '[i]nit.d/S' | grep -qv S05bench")
-    machine.wait_inside("the autopilot's port", "pidof mavlink-routerd && ! pidof autopilot-judge")
+    machine.wait_inside("the autopilot's port", "pidof mavlink-routerd && [ $(pidof autopilot-judge | wc -w) = 1 ]")
 
 
 def problems(machine, *states):

@@ -137,30 +137,73 @@ def test_what_an_earlier_start_left_is_ended_and_the_next_one_has_limits(applian
     assert "can't be ended" in appliance.read("run/faults/group-mavlink-router")
 
 
-def judged(appliance, port, heard):
-    """autopilot-judge's first look, and what it did."""
+# A router that does nothing, and the judge of it, who looks oftener than every four seconds; and what is left of that one.
+JUDGED = """sleep 1000 &
+router=$!
+. /lib/odid/functions
+started_at $router
+{before}
+/lib/odid/autopilot-judge $router $started 2>/dev/null &
+{wait}
+kill -0 $router && echo alive
+kill -KILL $router
+wait $!
+"""
+
+
+def judged(appliance, port, heard, before=":", unread="00000000", wait="until [ $(cat /looks | wc -l) -gt 3 ]; do usleep 10000; done"):
+    """What autopilot-judge did in its first looks, and whether the router lives."""
     appliance.write("run/mavlink-router.port", port + "\n100\n")
     appliance.write("status.json", '{ "heartbeat": %s }\n' % ("true" if heard else "false"))
+    appliance.write("etc/passwd", "mavlink:x:993:993::/:/bin/false\n")
+    appliance.write("udp", "  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid  timeout inode\n"
+                           "   7: 00000000:8D6C 00000000:0000 07 00000000:00000A00 00:00000000 00000000     0        0 11 2\n"
+                           f"   9: 00000000:8D6E 00000000:0000 07 00000000:{unread} 00:00000000 00000000   993        0 12 2\n")
+    appliance.write("looks", "")
     appliance.must("/lib/odid/autopilot-port")  # as the service does: makes the links
-    # It would look again every four seconds, until mavlink-router has no port any more: that is so at the second look.
-    appliance.change("lib/odid/autopilot-judge", ("\tpause 4\n", "\t[ ! -e /looked ] || rm -f /run/mavlink-router.port\n\t: >/looked\n"))
-    appliance.must("/lib/odid/autopilot-judge")
-    return appliance.calls()
+    appliance.change("lib/odid/autopilot-judge", ("pause 4", "usleep 30000 && echo >>/looks"), ("/proc/net/udp", "/udp"))
+    lives = "alive" in appliance.must(JUDGED.format(before=before, wait=wait))
+    return appliance.calls(), lives
 
 
 def test_a_port_without_an_autopilot_is_left_for_the_others(two_autopilots):
-    assert judged(two_autopilots, "/dev/ttyACM1", heard=False) == ["sv term mavlink-router"]
+    calls, lives = judged(two_autopilots, "/dev/ttyACM1", heard=False)
+    assert set(calls) == {"sv term mavlink-router"} and lives
     assert not two_autopilots.exists("data/odid/autopilot-port")
 
 
 def test_the_port_where_the_autopilot_is_heard_is_kept(two_autopilots):
-    assert judged(two_autopilots, "/dev/ttyUSB0", heard=True) == []
+    assert judged(two_autopilots, "/dev/ttyUSB0", heard=True) == ([], True)
     assert two_autopilots.read("data/odid/autopilot-port") == FTDI_NAME + "\n"
 
 
 def test_where_only_one_port_is_wanted_nothing_is_judged(two_autopilots):
     two_autopilots.settings(autopilot__device="usb:0403:6001")
-    assert judged(two_autopilots, "/dev/ttyUSB0", heard=False) == []
+    assert judged(two_autopilots, "/dev/ttyUSB0", heard=False) == ([], True)
+
+
+STOPPED = "kill -STOP $router"
+ITS_END = "while kill -0 $router && [ $((looks += 1)) -lt 500 ]; do usleep 10000; done 2>/dev/null"
+
+
+@pytest.mark.parametrize("hang", [{"before": STOPPED}, {"unread": "00000300"}])
+def test_a_router_that_hangs_is_ended(appliance, hang):
+    """It was waited for until power-off, as for an autopilot that is switched off; and the aircraft flew without a position."""
+    appliance.port("ttyACM0", "1-1", 0, **PIXHAWK)
+    assert judged(appliance, "/dev/ttyACM0", heard=False, wait=ITS_END, **hang) == ([], False)
+
+
+@pytest.mark.parametrize("heard, hang", [(False, {}), (True, {"unread": "00000300"}), (True, {"before": STOPPED})])
+def test_a_router_that_waits_for_its_autopilot_or_hears_it_is_left_alone(appliance, heard, hang):
+    appliance.port("ttyACM0", "1-1", 0, **PIXHAWK)
+    assert judged(appliance, "/dev/ttyACM0", heard, **hang) == ([], True)
+
+
+def test_the_judge_ends_with_its_router(appliance):
+    """Each start has its own."""
+    appliance.port("ttyACM0", "1-1", 0, **PIXHAWK)
+    assert judged(appliance, "/dev/ttyACM0", heard=True, before="started=$((started + 1))", wait="wait $!") == ([], True)
+    assert len(appliance.read("looks")) == 1
 
 
 @pytest.mark.parametrize("last, used, since_s, heard, restarted", [
@@ -181,7 +224,7 @@ def test_a_port_arrives(two_autopilots, last, used, since_s, heard, restarted):
         two_autopilots.write("run/mavlink-router.port", f"{used}\n{uptime_s - since_s}\n")
     two_autopilots.must("mkdir -p /run/service/mavlink-router/supervise && "
                         "mkfifo /run/service/mavlink-router/supervise/control && "
-                        "ACTION=add MDEV=ttyUSB0 /lib/odid/device-autopilot; rm -f /run/mavlink-router.port")
+                        "ACTION=add MDEV=ttyUSB0 /lib/odid/device-autopilot")
     assert two_autopilots.calls() == ["sv term mavlink-router"] * restarted + ["sv up mavlink-router"]
     assert two_autopilots.exists("run/mavlink-router.back") == restarted
 
