@@ -109,21 +109,47 @@ cat /run/mavlink-router.conf >/began
 """
 
 
+def search(appliance, finding):
+    """The service's start, which has to listen to several ports; finding: what is run for that, in shell."""
+    for name, text in {"chpst": '#!/bin/sh\nshift 2\nexec "$@"\n', "mavlink-routerd": ROUTER, "sv": NOTES,
+                       "odidctl": f'#!/bin/sh\n[ "$1" != find-autopilot ] || {{ {finding}; exit; }}\n' +
+                                  appliance.read("usr/bin/odidctl").removeprefix("#!/bin/sh\n")}.items():
+        appliance.write(f"usr/bin/{name}", text)
+        (appliance.root / f"usr/bin/{name}").chmod(0o755)
+    appliance.write("etc/group", "root:x:0:\ndialout:x:18:\n")
+    # The kernel takes those out of the group whom it ends.
+    appliance.change("lib/odid/functions", ('echo 1 >"$group/cgroup.kill"', 'echo 1 >"$group/cgroup.kill"; : >"$group/cgroup.procs"'))
+    appliance.must("cd /etc/sv/mavlink-router && ./run")
+
+
 @pytest.mark.parametrize("said, began", [
     ("/dev/ttyACM0", True), ("/dev/ttyACM9", False), ("/dev/ttyACM0|w/etc/owned", False), ("/dev/ttyACM1\n/dev/ttyACM0", False)])
 def test_only_a_port_that_is_one_gets_into_a_file_of_root_s(two_autopilots, said, began):
     """What is left of a mavlink-routerd that was taken over has the user of what listens to the ports, and wrote into its
     output; sed wrote it where it said, as root."""
     one = two_autopilots
-    for name, text in {"chpst": '#!/bin/sh\nshift 2\nexec "$@"\n', "mavlink-routerd": ROUTER, "sv": NOTES,
-                       "odidctl": f"#!/bin/sh\n[ \"$1\" != find-autopilot ] || {{ printf '{said}\\n'; exit; }}\n" +
-                                  one.read("usr/bin/odidctl").removeprefix("#!/bin/sh\n")}.items():
-        one.write(f"usr/bin/{name}", text)
-        (one.root / f"usr/bin/{name}").chmod(0o755)
-    one.write("etc/group", "root:x:0:\ndialout:x:18:\n")
-    one.must("cd /etc/sv/mavlink-router && ./run")
+    search(one, f"printf '{said}\\n'")
     assert one.exists("began") == began
     assert not one.exists("etc/owned") and (not began or "/dev/ttyACM0" in one.read("began"))
+
+
+def test_who_looks_for_the_autopilot_has_limits_and_is_ended(two_autopilots):
+    """It reads what anybody's device says, ran outside every limit, and held up the service for as long as a child of its lived."""
+    group = "sys/fs/cgroup/mavlink-router"
+    search(two_autopilots, f"cat /{group}/pids.max /{group}/memory.max >/limits; ulimit -n >>/limits; "
+                           "{ sleep 1000 & echo $! >/left; }; echo /dev/ttyACM0")
+    left = two_autopilots.read("left")
+    os.kill(int(left), signal.SIGKILL)  # the kernel's work, by the group
+    assert two_autopilots.read("limits").split() == ["16", str(32 << 20), "64"]
+    assert two_autopilots.read(f"{group}/cgroup.kill").strip() == "1" and "/dev/ttyACM0" in two_autopilots.read("began")
+
+
+@pytest.mark.parametrize("finding", ["exec sleep 1000", "while :; do echo /dev/ttyACM0; done"])
+def test_who_never_ends_looking_for_the_autopilot_is_ended(two_autopilots, finding):
+    two_autopilots.change("etc/sv/mavlink-router/run", ("-s KILL 10", "-s KILL 1"))
+    search(two_autopilots, finding)
+    assert "No autopilot is heard" in two_autopilots.fault("autopilot") and not two_autopilots.exists("began")
+    assert (two_autopilots.root / "run/mavlink-router.found").stat().st_size <= 4096
 
 
 def test_what_an_earlier_start_left_is_ended_and_the_next_one_has_limits(appliance):
