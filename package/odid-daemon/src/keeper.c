@@ -3,7 +3,8 @@
 #include <signal.h>
 #include <string.h>
 
-/* A daemon that ended earlier than this after its start "ended at once". */
+/* A daemon that ended earlier than this after its start "ended at once". Its first sign of life
+ * comes before anything of its is on the air: one that it gives later says that something is. */
 #define AT_ONCE_US 1000000
 /* Two deaths by the filter within this time are no accident. */
 #define FILTERED_WITHIN_US 60000000
@@ -15,7 +16,7 @@ void keeper_init(struct keeper *keeper, int64_t silent_us, int64_t off_air_us, i
     keeper->off_air_us = off_air_us;
     keeper->start_us = now_us;
     /* An earlier keeper may have been killed, and what its daemon said last is on the air. */
-    keeper->alive_us = now_us;
+    keeper->alive_us = keeper->on_air_us = now_us;
     keeper->filtered_us = INT64_MIN;
 }
 
@@ -27,6 +28,10 @@ bool keeper_alive(struct keeper *keeper, int64_t now_us)
         return false; /* it woke up too late */
     }
     keeper->alive_us = now_us;
+    if (now_us - keeper->started_us < AT_ONCE_US) {
+        return false;
+    }
+    keeper->on_air_us = now_us;
     keeper->outage = keeper->off_air = keeper->taking_off_air = false;
     return over;
 }
@@ -78,7 +83,7 @@ static int64_t off_air_us(const struct keeper *keeper)
     if (keeper->ending && keeper->state == KEEPER_DOWN) {
         return keeper->orderly ? INT64_MAX : 0; /* nobody comes after us */
     }
-    return keeper->alive_us + keeper->off_air_us;
+    return keeper->on_air_us + keeper->off_air_us;
 }
 
 static int64_t process_us(const struct keeper *keeper)

@@ -9,7 +9,8 @@
  * second, once a second. One that gives no sign of life for silent_us is
  * killed. Without a sign of life for off_air_us the payload that a radio goes
  * on repeating is taken off, once per outage: it would show an aircraft where
- * it no longer is. Two deaths by the system-call filter (SIGSYS) within a
+ * it no longer is. What one says in its first second is no sign of that: whoever
+ * dies ever again in it sends nothing. Two deaths by the system-call filter (SIGSYS) within a
  * minute start it with the filter in log mode: silence is worse.
  */
 #ifndef ODID_KEEPER_H
@@ -35,11 +36,12 @@ struct keeper {
     int64_t started_us;  /* the last start */
     int64_t start_us;    /* down: when it is due to be started */
     int64_t alive_us;    /* the last sign of life; before the first one: since when it is awaited */
+    int64_t on_air_us;   /* the last one that says that it sends; before the first one: as above */
     int64_t end_us;      /* ending: patience with the daemon until then */
     int64_t filtered_us; /* the last death by SIGSYS; INT64_MIN: none */
     unsigned quick;      /* deaths in a row within a second of the start */
     bool log_mode;       /* start it with the filter in log mode */
-    bool outage;         /* it ended or was killed, and gave no sign of life since */
+    bool outage;         /* it ended or was killed, and gave no sign since that it sends */
     bool ending, told_to_end;
     bool orderly; /* told to end, it did, and has switched its radios off itself */
     bool taking_off_air, off_air;

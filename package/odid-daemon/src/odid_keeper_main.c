@@ -86,7 +86,7 @@ static void advance(int64_t now_us);
 
 static void on_off_air(void *context, const char *off, const char *left, int64_t now_us)
 {
-    double silent_s = (double)(now_us - self.keeper.alive_us) * 1e-6;
+    double silent_s = (double)(now_us - self.keeper.on_air_us) * 1e-6;
 
     (void)context;
     if (left[0] == '\0') {
@@ -177,15 +177,15 @@ static void advance(int64_t now_us)
 
 static void on_alive(void *context, int64_t now_us)
 {
-    double silent_s = (double)(now_us - self.keeper.alive_us) * 1e-6;
-    bool first = self.keeper.alive_us < self.keeper.started_us;
+    double silent_s = (double)(now_us - self.keeper.on_air_us) * 1e-6;
+    bool first = self.keeper.on_air_us <= self.keeper.started_us;
 
     (void)context;
     if (keeper_alive(&self.keeper, now_us)) {
         keeper_air_stop();
         log_info("the daemon is alive again, %.1f s after its last sign of life", silent_s);
     }
-    if (first) {
+    if (first && self.keeper.on_air_us == now_us) {
         fault_is_over(); /* also an earlier keeper's */
     }
     loop_arm(&self.timer, keeper_due_us(&self.keeper));

@@ -95,8 +95,9 @@ static void the_end_of_an_outage_is_told_once(void **state)
     assert_false(keeper_alive(&keeper, T0));
     die(SIGKILL, T0 + 500 * MS);
     expect(KEEPER_START, T0 + 500 * MS);
-    assert_true(keeper_alive(&keeper, T0 + 510 * MS));
-    assert_false(keeper_alive(&keeper, T0 + 1510 * MS));
+    assert_false(keeper_alive(&keeper, T0 + 510 * MS)); /* it may die before it sends anything */
+    assert_true(keeper_alive(&keeper, T0 + 1510 * MS));
+    assert_false(keeper_alive(&keeper, T0 + 2510 * MS));
 }
 
 /* ---- starting again ---- */
@@ -206,11 +207,11 @@ static void the_next_outage_takes_it_off_again(void **state)
     expect_at(T0 + 11 * S, KEEPER_TAKE_OFF_AIR);
 }
 
-static void one_that_dies_ever_again_before_it_speaks_is_taken_off_too(void **state)
+/* speaks: it gives one sign of life. When the payload is taken off; 0: it isn't. */
+static int64_t off_air_of_one_that_dies_ever_again(bool speaks)
 {
     int64_t now_us = T0 + 10 * S, off_us = 0;
 
-    (void)state;
     live(T0, now_us);
     while (off_us == 0 && now_us < T0 + 30 * S) {
         switch (keeper_next(&keeper, now_us)) {
@@ -219,6 +220,9 @@ static void one_that_dies_ever_again_before_it_speaks_is_taken_off_too(void **st
             break;
         case KEEPER_NOTHING:
             if (keeper.state == KEEPER_RUNNING) {
+                if (speaks) {
+                    assert_false(keeper_alive(&keeper, now_us));
+                }
                 die(SIGSEGV, now_us);
             }
             now_us += MS;
@@ -227,7 +231,19 @@ static void one_that_dies_ever_again_before_it_speaks_is_taken_off_too(void **st
             break;
         }
     }
-    assert_int_equal(off_us, T0 + 15 * S);
+    return off_us;
+}
+
+static void one_that_dies_ever_again_before_it_speaks_is_taken_off_too(void **state)
+{
+    (void)state;
+    assert_int_equal(off_air_of_one_that_dies_ever_again(false), T0 + 15 * S);
+}
+
+static void one_that_dies_ever_again_when_it_has_spoken_once_is_taken_off_too(void **state)
+{
+    (void)state;
+    assert_int_equal(off_air_of_one_that_dies_ever_again(true), T0 + 15 * S);
 }
 
 /* A keeper that was killed took its daemon along, whose payload stays. */
@@ -325,6 +341,7 @@ int main(void)
         TEST(after_5_s_without_a_sign_of_life_the_payload_is_taken_off_once),
         TEST(the_next_outage_takes_it_off_again),
         TEST(one_that_dies_ever_again_before_it_speaks_is_taken_off_too),
+        TEST(one_that_dies_ever_again_when_it_has_spoken_once_is_taken_off_too),
         TEST(what_an_earlier_keeper_left_is_taken_off),
         TEST(one_that_does_not_die_is_waited_for),
         TEST(told_to_end_it_tells_the_daemon_and_quits_after_it),
