@@ -333,6 +333,8 @@ static struct json_object *flight_json(const struct flight *flight)
                            json_object_new_int64(record->totals.armed_faults));
     json_object_object_add(object, "daemon_restarts",
                            json_object_new_int64(record->totals.restarts));
+    json_object_object_add(object, "armed_daemon_restarts",
+                           json_object_new_int64(record->totals.armed_restarts));
     json_object_object_add(object, "ended", json_object_new_string(flight_ending(flight)));
     json_object_object_add(object, "torn", json_object_new_boolean(record->torn));
     json_object_object_add(object, "bad_lines", json_object_new_int64(record->bad));

@@ -112,6 +112,18 @@ static void append_lacks(char sentence[FLIGHT_SENTENCE_SIZE], const struct recor
     }
 }
 
+/* Each start costs a moment of everything, which may be too short to be a gap. */
+static void append_restarts(char sentence[FLIGHT_SENTENCE_SIZE],
+                            const struct recorder_flight *record)
+{
+    unsigned restarts = record->totals.armed_restarts;
+
+    if (restarts > 0) {
+        append(sentence, ", the daemon started again %u time%s", restarts,
+               restarts == 1 ? "" : "s");
+    }
+}
+
 static void judge_flight(char sentence[FLIGHT_SENTENCE_SIZE], const struct recorder_flight *record)
 {
     unsigned required = 0, whole = 0, never = 0;
@@ -139,6 +151,7 @@ static void judge_flight(char sentence[FLIGHT_SENTENCE_SIZE], const struct recor
         append_channels(sentence, record, false);
     }
     append_lacks(sentence, record);
+    append_restarts(sentence, record);
 }
 
 void flight_judge(char sentence[FLIGHT_SENTENCE_SIZE], const struct recorder_flight *record)

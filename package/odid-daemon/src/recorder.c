@@ -10,7 +10,8 @@
 #define ROUNDING_US 20000
 /* A daemon that started so much later is another one. */
 #define RESTART_US 500000
-/* A new one has to set up its channels and hear its autopilot: the gaps say what that cost. */
+/* A new one has to set up its channels and hear its autopilot: the gaps say what that cost. What is
+ * missing for longer than that is missing, however often a new one came. */
 #define DAEMON_STARTING_US 5000000
 /* The autopilot tells its time in whole seconds; a jump above this is said, once a minute at most.
  */
@@ -206,16 +207,30 @@ static void need(struct recorder *recorder, enum recorder_fault_kind kind, bool 
 {
     struct recorder_fault *fault = &recorder->faults[kind];
 
-    recorder->seen[kind] = recorder->seen[kind] || good;
+    if (good) {
+        recorder->seen[kind] = true;
+        recorder->good_us[kind] = recorder->totals.at_us;
+    }
     set_fault(recorder, fault,
               !good && (fault->there || due == DUE || (due == DUE_IF_SEEN && recorder->seen[kind])),
               text);
 }
 
+/* What the daemon's kinds are needed with; one that has just been started is given time. */
+static void need_of_daemon(struct recorder *recorder, enum recorder_fault_kind kind, bool good,
+                           enum due due, const char *text)
+{
+    int64_t now_us = recorder->totals.at_us;
+    bool starting = now_us - recorder->daemon_start_us < DAEMON_STARTING_US &&
+                    now_us - recorder->good_us[kind] < DAEMON_STARTING_US;
+
+    need(recorder, kind, good, starting ? DUE_NOT_NOW : due, text);
+}
+
 static void take_needs(struct recorder *recorder, const struct recorder_snapshot *snapshot)
 {
     int64_t now_us = recorder->totals.at_us;
-    bool armed = recorder_armed(recorder), new_daemon;
+    bool armed = recorder_armed(recorder);
     enum due started =
         armed || now_us - recorder->start_us >= RECORDER_STARTING_US ? DUE : DUE_IF_SEEN;
     enum due in_flight = armed ? DUE : DUE_IF_SEEN;
@@ -224,22 +239,20 @@ static void take_needs(struct recorder *recorder, const struct recorder_snapshot
     if (!snapshot->answered) {
         return; /* nothing is known of the others */
     }
-    new_daemon = now_us - snapshot->daemon_start_us < DAEMON_STARTING_US;
-    started = new_daemon ? DUE_NOT_NOW : started;
-    in_flight = new_daemon ? DUE_NOT_NOW : in_flight;
     for (enum channel channel = 0; channel < CHANNELS; channel++) {
         const struct recorder_channel_status *status = &snapshot->channels[channel];
 
-        need(recorder, RECORDER_CHANNEL + channel, !status->required || status->on_air, started,
-             status->text);
+        need_of_daemon(recorder, RECORDER_CHANNEL + channel, !status->required || status->on_air,
+                       started, status->text);
         /* When it is required again, it has to start first. */
         recorder->seen[RECORDER_CHANNEL + channel] &= status->required;
     }
-    need(recorder, RECORDER_LINK, snapshot->link, in_flight, "nothing is heard from the autopilot");
-    need(recorder, RECORDER_POSITION, snapshot->position, in_flight,
-         "no position from the autopilot");
-    need(recorder, RECORDER_IDENTITY, snapshot->identity, started,
-         "Basic ID or operator number is missing");
+    need_of_daemon(recorder, RECORDER_LINK, snapshot->link, in_flight,
+                   "nothing is heard from the autopilot");
+    need_of_daemon(recorder, RECORDER_POSITION, snapshot->position, in_flight,
+                   "no position from the autopilot");
+    need_of_daemon(recorder, RECORDER_IDENTITY, snapshot->identity, started,
+                   "Basic ID or operator number is missing");
     need(recorder, RECORDER_SOURCES, !snapshot->two_sources, DUE,
          "two sources speak as the autopilot");
     need(recorder, RECORDER_EMERGENCY, !snapshot->emergency, DUE, "an emergency is broadcast");
@@ -357,6 +370,7 @@ static void take_daemon_start(struct recorder *recorder, int64_t start_us)
     if (recorder->daemon_start_us != INT64_MIN &&
         start_us > recorder->daemon_start_us + RESTART_US) {
         recorder->totals.restarts++;
+        recorder->totals.armed_restarts += recorder_armed(recorder);
         say(recorder, start_us, "daemon_restarted", "%s", "");
     }
     recorder->daemon_start_us = start_us;
@@ -378,6 +392,7 @@ static void begin(struct recorder *recorder, recorder_line_fn *line, void *conte
     }
     for (enum recorder_fault_kind kind = 0; kind < RECORDER_KINDS; kind++) {
         snprintf(recorder->faults[kind].name, RECORDER_NAME_SIZE, "%s", recorder_kind_name(kind));
+        recorder->good_us[kind] = now_us; /* since then it is missed */
     }
 }
 
@@ -503,9 +518,9 @@ void recorder_say_totals(struct recorder *recorder)
     }
     say(recorder, totals->at_us, "totals",
         ",\"armed_since\":%s,\"armed_s\":%.2f,\"faults\":%u,\"armed_faults\":%u,\"restarts\":%u,"
-        "\"armed_fault_s\":{%s},\"channels\":{%s}",
+        "\"armed_restarts\":%u,\"armed_fault_s\":{%s},\"channels\":{%s}",
         instant(totals->armed_since_us, first), seconds(totals->armed_us), totals->faults,
-        totals->armed_faults, totals->restarts, faults, channels);
+        totals->armed_faults, totals->restarts, totals->armed_restarts, faults, channels);
 }
 
 void recorder_end(struct recorder *recorder, int64_t now_us)

@@ -85,11 +85,11 @@ struct recorder_channel_totals {
 
 struct recorder_totals {
     int64_t at_us;
-    int64_t armed_since_us;           /* INT64_MIN: not armed */
-    int64_t armed_us;                 /* the time armed, all together */
-    unsigned faults, armed_faults;    /* all; those that were there while armed */
-    unsigned restarts;                /* of the daemon */
-    int64_t fault_us[RECORDER_KINDS]; /* while armed */
+    int64_t armed_since_us;            /* INT64_MIN: not armed */
+    int64_t armed_us;                  /* the time armed, all together */
+    unsigned faults, armed_faults;     /* all; those that were there while armed */
+    unsigned restarts, armed_restarts; /* of the daemon; those while armed */
+    int64_t fault_us[RECORDER_KINDS];  /* while armed */
     struct recorder_channel_totals channels[CHANNELS];
 };
 
@@ -109,8 +109,9 @@ struct recorder {
     int64_t start_us;
     int64_t daemon_start_us; /* INT64_MIN: not known */
     int64_t clock_offset_us,
-        clock_said_us;         /* UTC minus our clock, and when it was said; 0: never */
-    bool seen[RECORDER_KINDS]; /* was as it should be once */
+        clock_said_us;               /* UTC minus our clock, and when it was said; 0: never */
+    bool seen[RECORDER_KINDS];       /* was as it should be once, */
+    int64_t good_us[RECORDER_KINDS]; /* and then last; our start, if never */
     struct recorder_fault faults[RECORDER_FAULTS];
 };
 

@@ -24,6 +24,7 @@ static void take_totals(struct recorder_flight *flight, struct json_object *line
     totals->faults = recorder_json_count(line, "faults");
     totals->armed_faults = recorder_json_count(line, "armed_faults");
     totals->restarts = recorder_json_count(line, "restarts");
+    totals->armed_restarts = recorder_json_count(line, "armed_restarts");
     for (enum recorder_fault_kind kind = 0; kind < RECORDER_KINDS; kind++) {
         totals->fault_us[kind] = recorder_json_us(spent, recorder_kind_name(kind), 0);
     }

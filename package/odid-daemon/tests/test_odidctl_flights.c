@@ -230,7 +230,8 @@ static void one_in_detail(void **state)
     end();
     put_record(7, 0);
     assert_int_equal(show("7", "", false), 0);
-    expect("Flight record 7: on the air the whole flight, without a position for 10 s\n");
+    expect("Flight record 7: on the air the whole flight, without a position for 10 s, the daemon "
+           "started again 1 time\n");
     expect("Power-on     2026-01-02T03:03:50Z, recorded from 3.0 s after it\n");
     expect("End          in order\n");
     expect("odid-daemon " ODID_VERSION ", image 2026.1 \"x\\y\"\n");

@@ -209,6 +209,7 @@ static void a_quick_restart_is_seen(void **state)
 {
     (void)state;
     take_off();
+    assert_int_equal(look()->totals.armed_restarts, 0);
     pass_us(400000);
     bench.snapshot.daemon_start_us = bench.now_us;
     bench.snapshot.channels[CHANNEL_BT4].unbroken_us = bench.now_us + 300000;
@@ -234,6 +235,26 @@ static void a_new_daemon_has_time_to_find_out(void **state)
     look();
     assert_int_equal(bench.flight.totals.faults, 0);
     assert_int_equal(totals(CHANNEL_BT5)->gaps, 0);
+}
+
+/* Each was excused for its first seconds, and the record said nothing of the whole flight. */
+static void a_daemon_that_restarts_ever_again_excuses_nothing(void **state)
+{
+    (void)state;
+    take_off();
+    bench.snapshot.position = bench.snapshot.link = bench.snapshot.identity = false;
+    set_sending(CHANNEL_WIFI, false);
+    for (int i = 0; i < 10; i++) {
+        bench.snapshot.daemon_start_us = bench.now_us;
+        pass(4);
+    }
+    look();
+    assert_int_equal(bench.flight.totals.armed_restarts, 10);
+    for (enum recorder_fault_kind kind = RECORDER_LINK; kind <= RECORDER_IDENTITY; kind++) {
+        NEAR(bench.flight.totals.fault_us[kind], 35 * SECOND);
+    }
+    NEAR(bench.flight.totals.fault_us[RECORDER_CHANNEL + CHANNEL_WIFI], 35 * SECOND);
+    assert_int_equal(bench.flight.totals.fault_us[RECORDER_CHANNEL + CHANNEL_BT4], 0);
 }
 
 /* ---- faults ---- */
@@ -468,6 +489,7 @@ int main(void)
         TEST(a_daemon_that_was_only_mute_made_no_gap),
         TEST(a_quick_restart_is_seen),
         TEST(a_new_daemon_has_time_to_find_out),
+        TEST(a_daemon_that_restarts_ever_again_excuses_nothing),
         TEST(what_never_was_there_is_no_fault_on_the_ground),
         TEST(armed_without_a_position_is_one),
         TEST(a_link_that_was_lost_leaves_it_armed),
