@@ -127,6 +127,8 @@ static void describe(char *sentence, size_t size, const char *event, struct json
     } else if (strcmp(event, "gap") == 0) {
         snprintf(sentence, size, "%s had a gap of %s%s", channel, lasted,
                  recorder_json_true(line, "armed") ? "" : ", disarmed");
+    } else if (strcmp(event, "unwatched") == 0) {
+        snprintf(sentence, size, "nobody looked for %s", lasted);
     } else if (strcmp(event, "disarmed") == 0) {
         snprintf(sentence, size, "disarmed, after %s", lasted);
     } else if (strcmp(event, "clock") == 0) {
@@ -323,6 +325,7 @@ static struct json_object *flight_json(const struct flight *flight)
                            record->clock_offset_us == 0 ? NULL : json_object_new_string(when));
     add_seconds(object, "duration_s", record->last_us);
     add_seconds(object, "armed_s", record->totals.armed_us);
+    add_seconds(object, "unwatched_s", record->totals.unwatched_us);
     add_seconds(object, "first_broadcast_s", flight_first_us(record));
     json_object_object_add(object, "channels", channels);
     for (enum channel channel = 0; channel < CHANNELS; channel++) {

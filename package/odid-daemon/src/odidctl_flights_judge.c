@@ -112,6 +112,18 @@ static void append_lacks(char sentence[FLIGHT_SENTENCE_SIZE], const struct recor
     }
 }
 
+/* What goes by the clock of a recorder that stood still is nobody's word. */
+static void append_unwatched(char sentence[FLIGHT_SENTENCE_SIZE],
+                             const struct recorder_flight *record)
+{
+    char lasted[32];
+
+    if (record->totals.unwatched_us > 0) {
+        odidctl_duration(lasted, sizeof(lasted), seconds(record->totals.unwatched_us));
+        append(sentence, ", unwatched for %s", lasted);
+    }
+}
+
 /* Each start costs a moment of everything, which may be too short to be a gap. */
 static void append_restarts(char sentence[FLIGHT_SENTENCE_SIZE],
                             const struct recorder_flight *record)
@@ -152,6 +164,7 @@ static void judge_flight(char sentence[FLIGHT_SENTENCE_SIZE], const struct recor
     }
     append_lacks(sentence, record);
     append_restarts(sentence, record);
+    append_unwatched(sentence, record);
 }
 
 void flight_judge(char sentence[FLIGHT_SENTENCE_SIZE], const struct recorder_flight *record)

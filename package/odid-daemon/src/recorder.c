@@ -13,6 +13,9 @@
 /* A new one has to set up its channels and hear its autopilot: the gaps say what that cost. What is
  * missing for longer than that is missing, however often a new one came. */
 #define DAEMON_STARTING_US 5000000
+/* A look each second, and less than a second for an answer: what took longer than this nobody saw.
+ */
+#define UNWATCHED_US 3000000
 /* The autopilot tells its time in whole seconds; a jump above this is said, once a minute at most.
  */
 #define CLOCK_JUMP_US 2500000
@@ -451,11 +454,15 @@ void recorder_say_update(struct recorder *recorder, const char *sentence, int64_
 static void pass_time(struct recorder *recorder, int64_t now_us)
 {
     struct recorder_totals *totals = &recorder->totals;
-    int64_t passed_us = now_us - totals->at_us;
+    int64_t from_us = totals->at_us, passed_us = now_us - from_us;
 
     totals->at_us = now_us;
     if (!recorder_armed(recorder)) {
         return;
+    }
+    if (passed_us > UNWATCHED_US) {
+        totals->unwatched_us += passed_us;
+        say(recorder, from_us, "unwatched", ",\"seconds\":%.2f", seconds(passed_us));
     }
     totals->armed_us += passed_us;
     for (enum recorder_fault_kind kind = 0; kind < RECORDER_KINDS; kind++) {
@@ -517,10 +524,12 @@ void recorder_say_totals(struct recorder *recorder)
             seconds(one->longest_us), one->gaps, seconds(recorder_open_gap_us(recorder, channel)));
     }
     say(recorder, totals->at_us, "totals",
-        ",\"armed_since\":%s,\"armed_s\":%.2f,\"faults\":%u,\"armed_faults\":%u,\"restarts\":%u,"
+        ",\"armed_since\":%s,\"armed_s\":%.2f,\"unwatched_s\":%.2f,\"faults\":%u,\"armed_faults\":%"
+        "u,\"restarts\":%u,"
         "\"armed_restarts\":%u,\"armed_fault_s\":{%s},\"channels\":{%s}",
-        instant(totals->armed_since_us, first), seconds(totals->armed_us), totals->faults,
-        totals->armed_faults, totals->restarts, totals->armed_restarts, faults, channels);
+        instant(totals->armed_since_us, first), seconds(totals->armed_us),
+        seconds(totals->unwatched_us), totals->faults, totals->armed_faults, totals->restarts,
+        totals->armed_restarts, faults, channels);
 }
 
 void recorder_end(struct recorder *recorder, int64_t now_us)

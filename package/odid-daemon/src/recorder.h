@@ -87,6 +87,7 @@ struct recorder_totals {
     int64_t at_us;
     int64_t armed_since_us;            /* INT64_MIN: not armed */
     int64_t armed_us;                  /* the time armed, all together */
+    int64_t unwatched_us;              /* of it: nobody looked, for some seconds each time */
     unsigned faults, armed_faults;     /* all; those that were there while armed */
     unsigned restarts, armed_restarts; /* of the daemon; those while armed */
     int64_t fault_us[RECORDER_KINDS];  /* while armed */

@@ -21,6 +21,7 @@ static void take_totals(struct recorder_flight *flight, struct json_object *line
     totals->at_us = at_us;
     totals->armed_since_us = recorder_json_us(line, "armed_since", INT64_MIN);
     totals->armed_us = recorder_json_us(line, "armed_s", 0);
+    totals->unwatched_us = recorder_json_us(line, "unwatched_s", 0);
     totals->faults = recorder_json_count(line, "faults");
     totals->armed_faults = recorder_json_count(line, "armed_faults");
     totals->restarts = recorder_json_count(line, "restarts");

@@ -250,6 +250,18 @@ static void one_in_detail(void **state)
     assert_int_equal(show("00007", "", false), 0);
 }
 
+static void what_nobody_looked_at_is_in_the_verdict(void **state)
+{
+    (void)state;
+    take_off();
+    pass_us(7 * SECOND);
+    end();
+    put_record(7, 0);
+    assert_int_equal(show("7", "", false), 0);
+    expect("Flight record 7: on the air the whole flight, unwatched for 7.0 s\n");
+    expect("   14.0 s  nobody looked for 7.0 s\n");
+}
+
 /* Whoever has taken the recorder over writes on no technician's terminal. */
 static void a_record_moves_no_cursor(void **state)
 {
@@ -376,6 +388,7 @@ int main(void)
         TEST(a_flight_that_nobody_could_hear),
         TEST(on_the_ground),
         TEST(one_in_detail),
+        TEST(what_nobody_looked_at_is_in_the_verdict),
         TEST(a_record_moves_no_cursor),
         TEST(months_in_detail),
         TEST(as_json),

@@ -413,6 +413,28 @@ static void a_clock_that_becomes_known_in_flight(void **state)
     assert_in_range(count_in_text("\"event\":\"clock\""), 2, 4);
 }
 
+/* ---- looking ---- */
+
+/* The disk held it up, or its restart: what it didn't see was counted as good. */
+static void what_nobody_looked_at_is_said(void **state)
+{
+    (void)state;
+    take_off();
+    pass_us(3 * SECOND); /* an answer that was late, and a write */
+    assert_int_equal(look()->totals.unwatched_us, 0);
+    pass_us(8 * SECOND);
+    pass(2);
+    pass_us(4 * SECOND);
+    bench.snapshot.armed = false;
+    pass(1);
+    pass_us(60 * SECOND);
+    look();
+    expect_line("{\"t\":17.00,\"event\":\"unwatched\",\"seconds\":8.00}");
+    assert_int_equal(count_in_text("\"unwatched\""), 2);
+    assert_int_equal(bench.flight.totals.unwatched_us, 12 * SECOND);
+    assert_int_equal(bench.flight.totals.armed_us, 18 * SECOND);
+}
+
 /* ---- going on after a restart of our own ---- */
 
 static void go_on(void)
@@ -498,6 +520,7 @@ int main(void)
         TEST(supply_faults),
         TEST(faults_of_the_appliance),
         TEST(a_clock_that_becomes_known_in_flight),
+        TEST(what_nobody_looked_at_is_said),
         TEST(a_restart_of_ours_loses_nothing),
         TEST(what_became_of_an_update),
         TEST(a_gap_over_a_restart_of_ours_is_whole),
