@@ -159,6 +159,18 @@ def test_armed_is_written_down_as_soon_as_it_can_be(make_flight):
     assert (flight.folder / "odid-daemon.log").read_text().count("can't keep") == 1
 
 
+def test_a_channel_that_one_daemon_had_on_the_air_is_missed_by_the_next_one(make_flight):
+    """Its controller came back without Bluetooth 5; that was forgotten, and the pilot was told that all is well."""
+    flight = make_flight(kept=True)
+    flight.at(AT_S, setattr, flight.controller, "mode", "legacy20")
+    flight.harm(BY_NAME["daemon_killed"], AT_S)
+    flight.fly(AT_S + 30)
+    told = [one for one in flight.autopilot.said if one.mono > START_US / 1e6 + AT_S + 5]
+    assert told and {one.reason for one in told} == {"Bluetooth 5 off: unsupported"}
+    missed = flight.record()["channels"]["bt5"]
+    assert missed["required"] and missed["armed_longest_gap_s"] > 15  # it is written each 10 s
+
+
 def test_what_a_daemon_that_was_taken_over_has_kept_holds_nobody_off(make_flight):
     """It waited for an armed vehicle that there isn't, and the one that flew had no position until power-off."""
     flight = make_flight(kept=True)

@@ -63,7 +63,7 @@ bool health_required(const struct health_input *input, enum channel channel)
 
     /* One that was on the air and isn't any more is missed, whatever its state is called. */
     return switched_on(input->config, channel) && state != RADIO_DISABLED &&
-           (state != RADIO_UNSUPPORTED || input->radios[channel].starts > 0);
+           (state != RADIO_UNSUPPORTED || input->radios[channel].was_on_air);
 }
 
 static bool on_air(const struct health_input *input, enum channel channel, int64_t now_us)

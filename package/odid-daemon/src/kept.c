@@ -36,6 +36,13 @@ static void parse_armed(const char *word, struct kept *kept)
     }
 }
 
+static void parse_on_air(const char *names, bool on_air[CHANNELS])
+{
+    for (enum channel channel = 0; channel < CHANNELS; channel++) {
+        on_air[channel] = strstr(names, channel_name(channel)) != NULL;
+    }
+}
+
 static void parse_line(const char *line, struct kept *kept)
 {
     unsigned vehicle;
@@ -49,6 +56,8 @@ static void parse_line(const char *line, struct kept *kept)
         kept->fix_known = strcmp(word, "yes") == 0;
     } else if (sscanf(line, "armed %7s", word) == 1) {
         parse_armed(word, kept);
+    } else if (strncmp(line, "on-air ", strlen("on-air ")) == 0) {
+        parse_on_air(line + strlen("on-air "), kept->on_air);
     } else if (strncmp(line, "takeoff ", strlen("takeoff ")) == 0) {
         parse_takeoff(line, &kept->takeoff);
     }
@@ -94,9 +103,16 @@ static size_t show(const struct kept *kept, char text[TEXT_SIZE])
 {
     const struct aircraft_takeoff *takeoff = &kept->takeoff;
     size_t length = (size_t)snprintf(
-        text, TEXT_SIZE, "vehicle %u\narmed %s\narmed-once %s\nfix %s\n", kept->vehicle,
+        text, TEXT_SIZE, "vehicle %u\narmed %s\narmed-once %s\nfix %s\non-air", kept->vehicle,
         armed_words[kept->armed], kept->armed_once ? "yes" : "no", kept->fix_known ? "yes" : "no");
 
+    for (enum channel channel = 0; channel < CHANNELS; channel++) {
+        if (kept->on_air[channel]) {
+            length +=
+                (size_t)snprintf(text + length, TEXT_SIZE - length, " %s", channel_name(channel));
+        }
+    }
+    text[length++] = '\n';
     if (takeoff->known) { /* an unknown altitude is "nan" */
         length +=
             (size_t)snprintf(text + length, TEXT_SIZE - length, "takeoff %.9f %.9f %.3f %.3f\n",

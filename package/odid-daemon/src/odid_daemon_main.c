@@ -198,6 +198,27 @@ static void keep(uint8_t vehicle, const struct aircraft_condition *condition)
     write_kept();
 }
 
+/* One that can't be on the air any more is missed, also by the daemon after this one. */
+static void keep_channels(void)
+{
+    bool news = false;
+
+    for (enum channel channel = 0; channel < CHANNELS; channel++) {
+        news = news || (self.radios[channel].was_on_air && !self.kept.on_air[channel]);
+        self.kept.on_air[channel] = self.kept.on_air[channel] || self.radios[channel].was_on_air;
+    }
+    if (news) {
+        write_kept();
+    }
+}
+
+static void restore_channels(void)
+{
+    for (enum channel channel = 0; channel < CHANNELS; channel++) {
+        self.radios[channel].was_on_air = self.kept.on_air[channel];
+    }
+}
+
 /* What was known before a restart of ours counts on; at the first start others learn that nothing
  * was heard yet. */
 static void restore(int64_t now_us)
@@ -252,6 +273,7 @@ static void on_look(void *context, int64_t now_us)
         /* Others keep it over power-offs: not whoever passed by. */
         keep(telemetry_vehicle_settled(self.telemetry) ? vehicle : self.kept.vehicle, &condition);
     }
+    keep_channels();
     self.look_us += LOOK_US;
     if (self.look_us <= now_us) {
         self.look_us = now_us + LOOK_US;
@@ -286,6 +308,7 @@ static void start_modules(int64_t now_us)
     rfkill_start(now_us);
     bluetooth_start(config(), &self.radios[CHANNEL_BT4], &self.radios[CHANNEL_BT5], now_us);
     wifi_beacon_start(config(), &self.radios[CHANNEL_WIFI], now_us);
+    restore_channels();
     link_start(config(), on_bytes, on_stream_reset, NULL, now_us);
     loop_timer_init(&self.look, on_look, NULL);
     broadcast_start(config(), self.aircraft, &self.lateness, now_us);

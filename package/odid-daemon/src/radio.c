@@ -59,6 +59,7 @@ void radio_enter(struct radio *radio, enum channel channel, enum radio_state sta
         radio->state = state;
         radio->since_us = now_us;
         radio->starts += state == RADIO_ON_AIR;
+        radio->was_on_air = radio->was_on_air || state == RADIO_ON_AIR;
     }
     if (state == RADIO_LOST || state == RADIO_BLOCKED || state == RADIO_ABSENT) {
         log_warning("%s: %s (%s)", channel_title(channel), radio_state_name(state), radio->detail);

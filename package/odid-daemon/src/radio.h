@@ -40,6 +40,7 @@ struct radio {
     uint64_t payloads;              /* taken by the radio */
     uint64_t replaced;              /* on the air, not given to it: a newer one came first */
     unsigned starts;                /* times it came on air */
+    bool was_on_air;                /* once since power-on, if by a daemon before this one */
     unsigned repairs;               /* foreign commands undone */
     unsigned failures;              /* errors and time-outs */
     char detail[RADIO_DETAIL_SIZE]; /* the last error, or how it transmits; plain words */

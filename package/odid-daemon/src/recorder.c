@@ -147,8 +147,8 @@ static void take_channel(struct recorder *recorder, enum channel channel,
     struct recorder_channel_totals *totals = &recorder->totals.channels[channel];
     int64_t silent_us;
 
-    totals->required = status->required;
-    if (!status->required) { /* its silence is wanted */
+    totals->required = status->required || (totals->first_us != INT64_MIN && !status->disabled);
+    if (!totals->required) { /* its silence is wanted */
         recorder->settled_us[channel] = totals->heard_us = recorder->totals.at_us;
         return;
     }
@@ -244,11 +244,12 @@ static void take_needs(struct recorder *recorder, const struct recorder_snapshot
     }
     for (enum channel channel = 0; channel < CHANNELS; channel++) {
         const struct recorder_channel_status *status = &snapshot->channels[channel];
+        bool required = recorder->totals.channels[channel].required;
 
-        need_of_daemon(recorder, RECORDER_CHANNEL + channel, !status->required || status->on_air,
-                       started, status->text);
+        need_of_daemon(recorder, RECORDER_CHANNEL + channel, !required || status->on_air, started,
+                       status->text);
         /* When it is required again, it has to start first. */
-        recorder->seen[RECORDER_CHANNEL + channel] &= status->required;
+        recorder->seen[RECORDER_CHANNEL + channel] &= required;
     }
     need_of_daemon(recorder, RECORDER_LINK, snapshot->link, in_flight,
                    "nothing is heard from the autopilot");

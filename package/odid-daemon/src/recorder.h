@@ -44,6 +44,7 @@ const char *recorder_kind_name(enum recorder_fault_kind kind);
 /* One channel, as the daemon sees it. Instants: INT64_MIN for never. */
 struct recorder_channel_status {
     bool required, on_air;
+    bool disabled;                 /* by configuration */
     int64_t confirmed_us;          /* last known to transmit the newest content */
     int64_t unbroken_us;           /* since when without a pause */
     char text[RECORDER_TEXT_SIZE]; /* "absent: no control socket" */
@@ -75,7 +76,7 @@ struct recorder_snapshot {
 
 /* What is summed up; written again and again, so that a power cut loses little. */
 struct recorder_channel_totals {
-    bool required;
+    bool required;      /* also one that was on the air, and isn't switched off: it is missed */
     int64_t first_us;   /* first on the air; INT64_MIN: never */
     int64_t heard_us;   /* last known to be on the air; INT64_MIN: never */
     int64_t silent_us;  /* gaps while armed, all together, without an unfinished one */

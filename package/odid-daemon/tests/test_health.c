@@ -538,7 +538,7 @@ static void a_channel_that_was_on_the_air_is_missed_whatever_its_state_is_called
     fixture.radios[CHANNEL_BT5].state = RADIO_UNSUPPORTED;
     judge();
     assert_int_equal(health.count, 0);
-    fixture.radios[CHANNEL_BT5].starts = 1;
+    fixture.radios[CHANNEL_BT5].was_on_air = true;
     expect_one(HEALTH_FAULT, "Bluetooth 5 off: unsupported");
 }
 

@@ -54,6 +54,7 @@ static void what_was_written_is_read(void **state)
 {
     const struct kept in = {.vehicle = 255,
                             .fix_known = true,
+                            .on_air = {[CHANNEL_BT4] = true, [CHANNEL_WIFI] = true},
                             .takeoff = {.known = true,
                                         .latitude_deg = 57.7089123,
                                         .longitude_deg = -11.9746001,
@@ -66,6 +67,8 @@ static void what_was_written_is_read(void **state)
     kept_read(directory, &out);
     assert_int_equal(out.vehicle, 255);
     assert_true(out.fix_known);
+    assert_true(out.on_air[CHANNEL_BT4] && out.on_air[CHANNEL_WIFI]);
+    assert_false(out.on_air[CHANNEL_BT5]);
     assert_true(out.takeoff.known);
     assert_true(fabs(out.takeoff.latitude_deg - in.takeoff.latitude_deg) < 1e-8);
     assert_true(fabs(out.takeoff.longitude_deg - in.takeoff.longitude_deg) < 1e-8);
@@ -195,6 +198,24 @@ static void armed_is_kept(void **state)
     assert_false(out.armed_once);
 }
 
+/* Another version's file, with less in it and with more. */
+static void what_another_version_wrote_is_read(void **state)
+{
+    struct kept out;
+
+    (void)state;
+    write_text("vehicle 7\narmed no\n");
+    assert_int_equal(kept_read(directory, &out), 0);
+    for (enum channel channel = 0; channel < CHANNELS; channel++) {
+        assert_false(out.on_air[channel]);
+    }
+    write_text("vehicle 7\non-air\nlanded maybe\non-air bt5 bt6\narmed no\n");
+    assert_int_equal(kept_read(directory, &out), 0);
+    assert_true(out.on_air[CHANNEL_BT5]);
+    assert_false(out.on_air[CHANNEL_BT4] || out.on_air[CHANNEL_WIFI]);
+    assert_int_equal(out.armed, KEPT_DISARMED);
+}
+
 static void a_directory_that_is_gone_is_an_error(void **state)
 {
     const struct kept in = {.vehicle = 1};
@@ -311,6 +332,7 @@ int main(void)
         cmocka_unit_test(a_finished_flights_point_is_gone),
         cmocka_unit_test(nonsense_is_unknown),
         cmocka_unit_test(armed_is_kept),
+        cmocka_unit_test(what_another_version_wrote_is_read),
         cmocka_unit_test(no_name_is_followed),
         cmocka_unit_test(a_directory_that_is_gone_is_an_error),
         cmocka_unit_test(counters_go_on),

@@ -22,6 +22,7 @@ static void the_time_of_a_state_is_that_of_its_beginning(void **state)
     radio_enter(&radio, CHANNEL_BT4, RADIO_ON_AIR, "every 100 ms", 20);
     assert_int_equal(radio.since_us, 10);
     assert_int_equal(radio.starts, 1);
+    assert_true(radio.was_on_air);
     assert_string_equal(radio.detail, "every 100 ms");
     radio_enter(&radio, CHANNEL_BT4, RADIO_LOST, NULL, 30);
     assert_string_equal(radio.detail, "every 100 ms");

@@ -150,12 +150,28 @@ static void a_channel_that_is_not_required_has_no_gaps(void **state)
     take_off();
     pass(10);
     bench.snapshot.channels[CHANNEL_WIFI].required = false;
+    bench.snapshot.channels[CHANNEL_WIFI].disabled = true;
     set_sending(CHANNEL_WIFI, false);
     pass(100);
     look();
     assert_int_equal(bench.flight.open_gap_us[CHANNEL_WIFI], 0);
     assert_int_equal(totals(CHANNEL_WIFI)->silent_us, 0);
     assert_int_equal(bench.flight.totals.faults, 0);
+}
+
+/* The daemon said that its hardware can't, and its silence passed for wanted. */
+static void a_channel_that_was_on_the_air_and_cannot_any_more_is_missed(void **state)
+{
+    (void)state;
+    take_off();
+    pass(1);
+    bench.snapshot.channels[CHANNEL_WIFI].required = false;
+    set_sending(CHANNEL_WIFI, false);
+    pass(20);
+    look();
+    NEAR(bench.flight.open_gap_us[CHANNEL_WIFI], 20 * SECOND + 100000);
+    NEAR(bench.flight.totals.fault_us[RECORDER_CHANNEL + CHANNEL_WIFI], 19 * SECOND);
+    assert_true(totals(CHANNEL_WIFI)->required);
 }
 
 /* ---- the daemon ---- */
@@ -507,6 +523,7 @@ int main(void)
         TEST(only_the_armed_part_of_a_gap_counts),
         TEST(a_channel_that_never_came_is_silent_from_arming_on),
         TEST(a_channel_that_is_not_required_has_no_gaps),
+        TEST(a_channel_that_was_on_the_air_and_cannot_any_more_is_missed),
         TEST(a_daemon_that_does_not_answer_is_a_fault),
         TEST(a_daemon_that_was_only_mute_made_no_gap),
         TEST(a_quick_restart_is_seen),

@@ -48,6 +48,7 @@ static void all_is_well(void **state)
     assert_int_equal(snapshot.channels[CHANNEL_WIFI].confirmed_us, NOW - 50000);
     assert_int_equal(snapshot.channels[CHANNEL_WIFI].unbroken_us, NOW - 4900000);
     assert_false(snapshot.channels[CHANNEL_BT5].required);
+    assert_false(snapshot.channels[CHANNEL_BT5].disabled);
     assert_int_equal(snapshot.channels[CHANNEL_BT5].confirmed_us, INT64_MIN);
     assert_true(snapshot.armed_known && snapshot.armed);
     assert_true(snapshot.link && snapshot.position && snapshot.identity);
@@ -87,6 +88,7 @@ static void nothing_is_well(void **state)
     fixture.input.contradicted = true;
     fixture.view.operator_id[0] = fixture.config.operator_id[0] = '\0';
     radio_init(&fixture.radios[CHANNEL_WIFI], RADIO_ABSENT, NOW);
+    radio_init(&fixture.radios[CHANNEL_BT5], RADIO_DISABLED, NOW);
     strcpy(fixture.radios[CHANNEL_WIFI].detail, "no \"socket\"");
     take_fixture();
     assert_false(snapshot.armed_known || snapshot.armed);
@@ -95,6 +97,7 @@ static void nothing_is_well(void **state)
     assert_int_equal(snapshot.unix_us, 0);
     assert_true(snapshot.channels[CHANNEL_WIFI].required);
     assert_false(snapshot.channels[CHANNEL_WIFI].on_air);
+    assert_true(snapshot.channels[CHANNEL_BT5].disabled);
     assert_int_equal(snapshot.channels[CHANNEL_WIFI].unbroken_us, INT64_MIN);
     assert_string_equal(snapshot.channels[CHANNEL_WIFI].text, "absent (no \"socket\")");
 }
