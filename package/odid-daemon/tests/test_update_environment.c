@@ -7,9 +7,14 @@
 #include <cmocka.h>
 
 #include <errno.h>
+#include <linux/fs.h>
+#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/ioctl.h>
+#include <sys/mount.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "update_environment.h"
@@ -38,6 +43,34 @@ static size_t read_copy(unsigned number, char *out)
     length = fread(out, 1, COPY_SIZE, file);
     fclose(file);
     return length;
+}
+
+/* The volume ENV is a folder, and its files lie in one piece from its hundredth block on: by this
+ * program's own calls. */
+int mount(const char *source, const char *target, const char *type, unsigned long flags,
+          const void *data)
+{
+    (void)source, (void)target, (void)type, (void)flags, (void)data;
+    return 0;
+}
+
+int umount(const char *target)
+{
+    (void)target;
+    return 0;
+}
+
+int ioctl(int fd, unsigned long request, ...)
+{
+    va_list rest;
+    int *value;
+
+    (void)fd;
+    va_start(rest, request);
+    value = va_arg(rest, int *);
+    va_end(rest);
+    *value = request == FIGETBSZ ? 512 : *value + 100;
+    return 0;
 }
 
 /* Both copies are damaged: there is nothing but zeros in them. */
@@ -132,11 +165,38 @@ static void one_that_cant_be_read_is_no_reason_to_write(void **state)
     assert_int_equal(variables.trial, 'b');
 }
 
+/* libubootenv's other form, YAML, has namespaces: by one of them whoever may speak to SWUpdate
+ * could set any variable, and so choose the slot. */
+static void its_place_is_said_in_the_form_without_namespaces(void **state)
+{
+    static const char expected[] = "/dev/odid 0xc800 0x4000\n/dev/odid 0xc800 0x4000\n";
+    char volume[64], found[64], path[128], problem[200] = "", text[200] = "";
+    FILE *file;
+
+    (void)state;
+    snprintf(volume, sizeof(volume), "%s/volume", folder);
+    snprintf(found, sizeof(found), "%s/found", folder);
+    assert_int_equal(mkdir(volume, 0700), 0);
+    for (unsigned i = 0; i < COPIES; i++) {
+        static const char nothing[COPY_SIZE];
+
+        snprintf(path, sizeof(path), "%s/uboot%s.env", volume, i == 0 ? "" : "-redund");
+        write_file(path, nothing, sizeof(nothing));
+    }
+    assert_true(update_environment_find("/dev/odid", volume, found, problem, sizeof(problem)));
+    file = fopen(found, "r");
+    assert_non_null(file);
+    assert_int_equal(fread(text, 1, sizeof(text) - 1, file), strlen(expected));
+    fclose(file);
+    assert_string_equal(text, expected);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(both_damaged_are_made_anew),
         cmocka_unit_test(all_are_written_at_once),
+        cmocka_unit_test(its_place_is_said_in_the_form_without_namespaces),
         cmocka_unit_test(one_that_cant_be_read_is_no_reason_to_write),
     };
 
