@@ -69,8 +69,7 @@ static void set_extended(const struct aircraft_view *view, int64_t now_us)
     if (bluetooth_waits(CHANNEL_BT5)) {
         self.counters.extended = self.before.extended;
     }
-    pack_size =
-        messages_pack(view, (unsigned)((room - MESSAGES_EXTENDED_EMPTY) / MESSAGE_SIZE), pack);
+    pack_size = messages_pack(view, MESSAGES_EXTENDED_MOST(room), pack);
     self.extended_us = now_us;
     self.before.extended = self.counters.extended;
     size = messages_extended(&self.counters.extended, pack, pack_size, data);

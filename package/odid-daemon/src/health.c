@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "identifiers.h"
+#include "messages.h"
 #include "utf8.h"
 
 #define OPERATOR_ID_EU 0
@@ -335,6 +336,38 @@ static void judge_altitudes(struct health *health, const struct health_input *in
     judge_operator_altitude(health, input);
 }
 
+/* What a smaller pack lacks, the worst first: what is behind the room for it isn't seen. */
+static void judge_pack(struct health *health, const struct health_input *input, int64_t now_us)
+{
+    static const struct {
+        enum message_type type;
+        const char *name;
+    } order[] = {{MESSAGE_BASIC_ID, "a Basic ID"},
+                 {MESSAGE_OPERATOR_ID, "Operator ID"},
+                 {MESSAGE_SYSTEM, "System"},
+                 {MESSAGE_SELF_ID, "Self-ID"},
+                 {MESSAGE_AUTHENTICATION, "Authentication"}};
+    unsigned most = MESSAGES_EXTENDED_MOST(input->extended_room);
+    char names[64] = "";
+
+    if (!on_air(input, CHANNEL_BT5, now_us)) {
+        return;
+    }
+    for (size_t i = 0; i < sizeof(order) / sizeof(order[0]); i++) {
+        size_t length = strlen(names);
+
+        if (messages_left_out(input->view, most, order[i].type)) {
+            snprintf(names + length, sizeof(names) - length, "%s%s", length > 0 ? ", " : "",
+                     order[i].name);
+        }
+    }
+    if (names[0] != '\0') {
+        WARNING("Its controller has no room for them: use another one ([broadcast] bt5_adapter). "
+                "The other channels say them.",
+                "Bluetooth 5 lacks %s", names);
+    }
+}
+
 static void judge_data(struct health *health, const struct health_input *input)
 {
     const struct aircraft_condition *condition = input->condition;
@@ -536,6 +569,7 @@ void health_judge(struct health *health, const struct health_input *input, int64
     judge_conflicts(health, input->condition);
     judge_contradictions(health, input);
     judge_data(health, input);
+    judge_pack(health, input, now_us);
     judge_flood(health, input, now_us);
     judge_daemon(health, input);
 }

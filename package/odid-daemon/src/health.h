@@ -6,6 +6,7 @@
 #define ODID_HEALTH_H
 
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdint.h>
 
 #include "aircraft.h"
@@ -39,6 +40,7 @@ struct health_input {
     const struct aircraft_condition *condition;
     const struct link_status *link;
     const struct radio *radios; /* [CHANNELS] */
+    size_t extended_room;       /* octets that Bluetooth 5's controller takes */
     unsigned config_errors;     /* values that could not be used */
     bool filter_logging;        /* the system-call filter only logs */
     bool realtime;              /* real-time priority was granted */

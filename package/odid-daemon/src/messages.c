@@ -313,16 +313,31 @@ static void make_room(unsigned counts[MESSAGE_TYPES], unsigned most)
     }
 }
 
+static void count_pack(const struct aircraft_view *view, unsigned most,
+                       unsigned counts[MESSAGE_TYPES])
+{
+    for (enum message_type type = 0; type < MESSAGE_TYPES; type++) {
+        counts[type] = messages_available(view, type);
+    }
+    make_room(counts, most < MESSAGES_PACK_MAX ? most : MESSAGES_PACK_MAX);
+}
+
+bool messages_left_out(const struct aircraft_view *view, unsigned most, enum message_type type)
+{
+    unsigned whole[MESSAGE_TYPES], small[MESSAGE_TYPES];
+
+    count_pack(view, MESSAGES_PACK_MAX, whole);
+    count_pack(view, most, small);
+    return small[type] < whole[type];
+}
+
 size_t messages_pack(const struct aircraft_view *view, unsigned most,
                      uint8_t pack[MESSAGES_PACK_SIZE])
 {
     unsigned counts[MESSAGE_TYPES];
     uint8_t *message = pack + 3;
 
-    for (enum message_type type = 0; type < MESSAGE_TYPES; type++) {
-        counts[type] = messages_available(view, type);
-    }
-    make_room(counts, most < MESSAGES_PACK_MAX ? most : MESSAGES_PACK_MAX);
+    count_pack(view, most, counts);
     for (enum message_type type = 0; type < MESSAGE_TYPES; type++) {
         for (unsigned index = 0; index < counts[type]; index++) {
             if (messages_encode(view, type, index, message)) {

@@ -23,6 +23,9 @@
 /* <length> 16 FA FF 0D <counter> <pack>: extended advertising data. */
 #define MESSAGES_EXTENDED_SIZE (6 + MESSAGES_PACK_SIZE)
 #define MESSAGES_EXTENDED_EMPTY (6 + 3) /* of a pack without messages */
+/* So many messages have room in so much of it. */
+#define MESSAGES_EXTENDED_MOST(octets)                                                             \
+    ((unsigned)(((octets)-MESSAGES_EXTENDED_EMPTY) / MESSAGE_SIZE))
 /* DD <length> FA 0B BC 0D <counter> <pack>: an 802.11 vendor specific element. */
 #define MESSAGES_ELEMENT_SIZE (7 + MESSAGES_PACK_SIZE)
 
@@ -77,6 +80,9 @@ bool messages_legacy(struct messages_counters *counters, const struct aircraft_v
  */
 size_t messages_pack(const struct aircraft_view *view, unsigned most,
                      uint8_t pack[MESSAGES_PACK_SIZE]);
+
+/* Is there less of a type in a pack of at most so many than in one of MESSAGES_PACK_MAX? */
+bool messages_left_out(const struct aircraft_view *view, unsigned most, enum message_type type);
 
 /*
  * Wraps a pack for extended advertising or for a beacon. counter belongs to

@@ -121,6 +121,7 @@ static void judge(struct health_input *input, struct health *health, struct airc
         .condition = condition,
         .link = link_status(),
         .radios = self.radios,
+        .extended_room = bluetooth_extended_room(),
         .config_errors = self.options.errors,
         .filter_logging = self.options.seccomp_log,
         .realtime = self.realtime,

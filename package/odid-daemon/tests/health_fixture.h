@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "health.h"
+#include "messages.h"
 
 #define NOW INT64_C(100000000)
 
@@ -93,6 +94,7 @@ static inline void fixture_reset(void)
         .condition = &fixture.condition,
         .link = &fixture.link,
         .radios = fixture.radios,
+        .extended_room = MESSAGES_EXTENDED_SIZE,
         .realtime = true,
     };
 }

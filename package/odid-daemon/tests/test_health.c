@@ -542,6 +542,24 @@ static void a_channel_that_was_on_the_air_is_missed_whatever_its_state_is_called
     expect_one(HEALTH_FAULT, "Bluetooth 5 off: unsupported");
 }
 
+/* The pack had become smaller, and nobody was told what isn't in it. */
+static void what_has_no_room_in_a_small_pack_is_said(void **state)
+{
+    (void)state;
+    fixture.input.extended_room = MESSAGES_EXTENDED_EMPTY + 3 * MESSAGE_SIZE;
+    judge();
+    assert_int_equal(health.count, 0); /* Bluetooth 5 isn't on the air */
+    fixture.radios[CHANNEL_BT5].state = RADIO_ON_AIR;
+    expect_one(HEALTH_WARNING, "Bluetooth 5 lacks System, Self-ID");
+    fixture.input.extended_room = MESSAGES_EXTENDED_EMPTY + MESSAGE_SIZE;
+    judge();
+    assert_string_equal(health.problem[0].reason,
+                        "Bluetooth 5 lacks a Basic ID, Operator ID, System");
+    fixture.input.extended_room = MESSAGES_EXTENDED_EMPTY + 5 * MESSAGE_SIZE;
+    judge();
+    assert_int_equal(health.count, 0);
+}
+
 #define TEST(name) cmocka_unit_test_setup(name, reset)
 
 int main(void)
@@ -578,6 +596,7 @@ int main(void)
         TEST(two_sources_keep_from_arming),
         TEST(a_flood_keeps_from_arming_while_it_lasts),
         TEST(what_the_autopilot_does_not_hear_is_told),
+        TEST(what_has_no_room_in_a_small_pack_is_said),
         TEST(a_channel_that_was_on_the_air_is_missed_whatever_its_state_is_called),
     };
 
