@@ -94,9 +94,10 @@ static void open_adapter(struct bluetooth_adapter *adapter, int64_t now_us)
     adapter->step = STEP_RESET;
     adapter->awaited = 0;
     adapter->repair = STEP_ON_AIR;
-    adapter->enabling_again = adapter->full = adapter->slow = false;
-    adapter->maximum_data = MESSAGES_EXTENDED_SIZE;
-    adapter->long_range_again_us = LOOP_NEVER;
+    adapter->enabling_again = adapter->full = false;
+    adapter->maximum_data = adapter->maximum_said = MESSAGES_EXTENDED_SIZE;
+    adapter->trying_from = 0;
+    adapter->again_us = LOOP_NEVER;
     for (int i = 0; i < BLUETOOTH_SETS; i++) {
         const struct bluetooth_advertising *set = &adapter->sets[i];
 
@@ -157,7 +158,7 @@ static struct bluetooth_adapter *add_adapter(const char *name)
     adapter->reset_first = false;
     adapter->repair_logged_us = INT64_MIN / 2;
     adapter->repair_from_us = INT64_MIN;
-    adapter->long_range_wait_us = BLUETOOTH_LONG_RANGE_WAIT_US;
+    adapter->again_wait_us = BLUETOOTH_AGAIN_US;
     memset(adapter->sets, 0, sizeof(adapter->sets));
     retry_reset(&adapter->retry);
     loop_timer_init(&adapter->timer, on_timer, adapter);

@@ -18,10 +18,10 @@
 
 /* A controller answers within milliseconds; one that doesn't in a second hangs. */
 #define BLUETOOTH_ANSWER_US 1000000
-/* Long range that was refused is tried again after this, and after twice as long each time: the
- * legacy set is off the air for a moment meanwhile. */
-#define BLUETOOTH_LONG_RANGE_WAIT_US 10000000
-#define BLUETOOTH_LONG_RANGE_WAIT_MAX_US 600000000
+/* What was refused, or isn't there, is tried again after this, and after twice as long each time:
+ * the legacy set may be off the air for a moment meanwhile. */
+#define BLUETOOTH_AGAIN_US 10000000
+#define BLUETOOTH_AGAIN_MAX_US 600000000
 /* Another program's commands are undone at most once in this time: a slot. */
 #define BLUETOOTH_REPAIR_EVERY_US 125000
 
@@ -59,15 +59,18 @@ struct bluetooth_adapter {
     struct loop_timer timer; /* closed: the next try; open: the answer's time-out, or a repair */
     struct retry retry;
     enum bluetooth_step step;
-    enum bluetooth_set sending;  /* whose data went out last */
-    uint16_t awaited;            /* opcode whose completion must come next; 0: none */
-    bool full;                   /* the controller takes no command for now */
-    bool extended;               /* speaks extended commands, and only those */
-    bool coding_selection;       /* S=8 can be asked for */
-    size_t maximum_data;         /* octets of extended advertising data that it takes */
-    bool slow;                   /* refused 20 ms */
-    int64_t long_range_again_us; /* it was refused: tried again then; LOOP_NEVER: it wasn't */
-    int64_t long_range_wait_us;
+    enum bluetooth_set sending; /* whose data went out last */
+    uint16_t awaited;           /* opcode whose completion must come next; 0: none */
+    bool full;                  /* the controller takes no command for now */
+    bool extended;              /* speaks extended commands, and only those */
+    bool coding_selection;      /* S=8 can be asked for */
+    size_t maximum_data;        /* octets of extended advertising data that it takes, ... */
+    size_t maximum_said;        /* ... and that it says it takes */
+    size_t trying_from;         /* more than so many is being tried; 0: nothing is */
+    bool slow;                  /* refused 20 ms */
+    bool parameters_refused;    /* 20 ms or S=8, by one that should know them */
+    int64_t again_us;           /* something is missing: tried again then; LOOP_NEVER: nothing is */
+    int64_t again_wait_us;
     bool reset_first;           /* the last set-up was refused */
     enum bluetooth_step repair; /* from where to set up again; STEP_ON_AIR: nothing to repair */
     bool enabling_again;        /* a repair by that single command is under way */

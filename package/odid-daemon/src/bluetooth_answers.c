@@ -37,6 +37,14 @@ static void refused(struct bluetooth_adapter *adapter, const struct answer *answ
     bluetooth_failed(adapter, detail, now_us);
 }
 
+static void try_again_later(struct bluetooth_adapter *adapter, int64_t now_us)
+{
+    if (adapter->again_us == LOOP_NEVER) {
+        adapter->again_us = now_us + adapter->again_wait_us;
+        adapter->again_wait_us *= adapter->again_wait_us < BLUETOOTH_AGAIN_MAX_US ? 2 : 1;
+    }
+}
+
 static void take_features(struct bluetooth_adapter *adapter, const uint8_t *features,
                           int64_t now_us)
 {
@@ -45,6 +53,7 @@ static void take_features(struct bluetooth_adapter *adapter, const uint8_t *feat
 
     adapter->extended = FEATURE_EXTENDED_ADVERTISING(features);
     adapter->coding_selection = FEATURE_CODING_SELECTION(features);
+    adapter->slow = adapter->parameters_refused = false;
     legacy->possible = legacy->radio != NULL;
     long_range->possible =
         long_range->radio != NULL && adapter->extended && FEATURE_CODED_PHY(features);
@@ -52,11 +61,26 @@ static void take_features(struct bluetooth_adapter *adapter, const uint8_t *feat
         return;
     }
     if (!long_range->possible) {
+        try_again_later(adapter, now_us);
         radio_enter(long_range->radio, long_range->channel, RADIO_UNSUPPORTED,
                     "this controller has no extended advertising on Coded PHY", now_us);
     } else if (long_range->radio->state == RADIO_UNSUPPORTED) {
         radio_enter(long_range->radio, long_range->channel, RADIO_STARTING, adapter->name, now_us);
     }
+}
+
+/* Of one that had no long range, which is on the air with the rest. */
+static void take_features_again(struct bluetooth_adapter *adapter, const struct answer *answer,
+                                int64_t now_us)
+{
+    if (answer->status != BLUETOOTH_SUCCESS || answer->length < FEATURES_SIZE ||
+        !FEATURE_EXTENDED_ADVERTISING(answer->rest) || !FEATURE_CODED_PHY(answer->rest)) {
+        try_again_later(adapter, now_us);
+        return;
+    }
+    adapter->reset_first = !adapter->extended; /* it was used in the other way to advertise */
+    adapter->step = adapter->reset_first ? STEP_RESET : STEP_FEATURES;
+    adapter->maximum_data = adapter->maximum_said = MESSAGES_EXTENDED_SIZE;
 }
 
 static void take_maximum_data(struct bluetooth_adapter *adapter, const struct answer *answer)
@@ -67,7 +91,7 @@ static void take_maximum_data(struct bluetooth_adapter *adapter, const struct an
 
     /* For one message it has to do: a word that says less is tried. */
     if (octets >= MESSAGES_EXTENDED_EMPTY + MESSAGE_SIZE && octets < adapter->maximum_data) {
-        adapter->maximum_data = octets;
+        adapter->maximum_data = adapter->maximum_said = octets;
         if (long_range->length > octets) { /* of before: another controller's */
             long_range->length = 0;
             long_range->pending = false;
@@ -98,14 +122,18 @@ static bool give_up_long_range(struct bluetooth_adapter *adapter, const struct a
              answer->opcode, answer->status);
     long_range->possible = false;
     radio_enter(long_range->radio, long_range->channel, RADIO_UNSUPPORTED, detail, now_us);
-    /* Whoever had its set, or made it refuse, may be gone by then. */
-    adapter->long_range_again_us = now_us + adapter->long_range_wait_us;
-    adapter->long_range_wait_us *=
-        adapter->long_range_wait_us < BLUETOOTH_LONG_RANGE_WAIT_MAX_US ? 2 : 1;
+    try_again_later(adapter, now_us);
     return true;
 }
 
-/* A pack of one message less, which is still to be made. */
+/* More than it took before, to see whether it does by now. */
+static bool is_trial(const struct bluetooth_adapter *adapter)
+{
+    return adapter->trying_from != 0 &&
+           adapter->sets[BLUETOOTH_LONG_RANGE].length > adapter->trying_from;
+}
+
+/* A pack of one message less, or as before a trial, which is still to be made. */
 static bool take_smaller_pack(struct bluetooth_adapter *adapter)
 {
     struct bluetooth_advertising *long_range = &adapter->sets[BLUETOOTH_LONG_RANGE];
@@ -113,7 +141,9 @@ static bool take_smaller_pack(struct bluetooth_adapter *adapter)
     if (long_range->length < MESSAGES_EXTENDED_EMPTY + 2 * MESSAGE_SIZE) {
         return false;
     }
-    adapter->maximum_data = long_range->length - MESSAGE_SIZE;
+    adapter->maximum_data =
+        is_trial(adapter) ? adapter->trying_from : long_range->length - MESSAGE_SIZE;
+    adapter->trying_from = 0;
     long_range->length = 0;
     long_range->pending = false;
     return true;
@@ -128,10 +158,12 @@ static bool ask_for_less(struct bluetooth_adapter *adapter, const struct answer 
     }
     if (adapter->step == STEP_LEGACY_PARAMETERS && !adapter->slow) {
         adapter->slow = true; /* before Bluetooth 5.0, 100 ms is the shortest interval */
+        adapter->parameters_refused = adapter->extended;
         return true;
     }
     if (adapter->step == STEP_LONG_RANGE_PARAMETERS && adapter->coding_selection) {
         adapter->coding_selection = false;
+        adapter->parameters_refused = true;
         return true;
     }
     if (adapter->step == STEP_LONG_RANGE_DATA && take_smaller_pack(adapter)) {
@@ -140,35 +172,53 @@ static bool ask_for_less(struct bluetooth_adapter *adapter, const struct answer 
     return give_up_long_range(adapter, answer, now_us);
 }
 
-static void come_on_air(struct bluetooth_adapter *adapter, int64_t now_us)
+static void say_on_air(const struct bluetooth_adapter *adapter, enum bluetooth_set i,
+                       int64_t now_us)
 {
+    const struct bluetooth_advertising *set = &adapter->sets[i];
     char detail[RADIO_DETAIL_SIZE];
 
+    if (i == BLUETOOTH_LEGACY) {
+        snprintf(detail, sizeof(detail), "%s, every %d ms", adapter->name,
+                 adapter->slow ? 100 : 20);
+    } else {
+        snprintf(detail, sizeof(detail), "%s, Coded PHY%s, every 200 ms", adapter->name,
+                 adapter->coding_selection ? " S=8 requested" : "");
+        if (adapter->maximum_data < MESSAGES_EXTENDED_SIZE) {
+            size_t length = strlen(detail);
+
+            snprintf(detail + length, sizeof(detail) - length, ", %zu octets at most",
+                     adapter->maximum_data);
+        }
+    }
+    radio_enter(set->radio, set->channel, RADIO_ON_AIR, detail, now_us);
+}
+
+/* It is on the air with less than it should be able to. */
+static bool has_less(const struct bluetooth_adapter *adapter)
+{
+    const struct bluetooth_advertising *long_range = &adapter->sets[BLUETOOTH_LONG_RANGE];
+
+    return adapter->parameters_refused || (long_range->radio != NULL && !long_range->possible) ||
+           adapter->maximum_data < adapter->maximum_said;
+}
+
+static void come_on_air(struct bluetooth_adapter *adapter, int64_t now_us)
+{
     retry_reset(&adapter->retry);
     adapter->reset_first = false;
+    if (has_less(adapter)) {
+        try_again_later(adapter, now_us);
+    } else {
+        adapter->again_wait_us = BLUETOOTH_AGAIN_US;
+    }
     for (enum bluetooth_set i = 0; i < BLUETOOTH_SETS; i++) {
         const struct bluetooth_advertising *set = &adapter->sets[i];
 
         if (!set->possible) {
             continue;
         }
-        if (i == BLUETOOTH_LONG_RANGE) {
-            adapter->long_range_wait_us = BLUETOOTH_LONG_RANGE_WAIT_US;
-        }
-        if (i == BLUETOOTH_LEGACY) {
-            snprintf(detail, sizeof(detail), "%s, every %d ms", adapter->name,
-                     adapter->slow ? 100 : 20);
-        } else {
-            snprintf(detail, sizeof(detail), "%s, Coded PHY%s, every 200 ms", adapter->name,
-                     adapter->coding_selection ? " S=8 requested" : "");
-            if (adapter->maximum_data < MESSAGES_EXTENDED_SIZE) {
-                size_t length = strlen(detail);
-
-                snprintf(detail + length, sizeof(detail) - length, ", %zu octets at most",
-                         adapter->maximum_data);
-            }
-        }
-        radio_enter(set->radio, set->channel, RADIO_ON_AIR, detail, now_us);
+        say_on_air(adapter, i, now_us);
         /* Enabled again, the controller sends what it has at once. Held anew, that would go out
          * twice more: the next payload came right behind an advertising event, and waited for
          * another. */
@@ -225,7 +275,17 @@ static void set_up_again(struct bluetooth_adapter *adapter, enum bluetooth_step 
     }
 }
 
-/* On air nothing but data is sent. */
+/* More than before was tried. What was sent before goes on. */
+static void take_trial_answer(struct bluetooth_adapter *adapter, bool taken, int64_t now_us)
+{
+    adapter->trying_from = taken ? 0 : adapter->trying_from;
+    if (!taken && take_smaller_pack(adapter)) {
+        try_again_later(adapter, now_us);
+    }
+    say_on_air(adapter, BLUETOOTH_LONG_RANGE, now_us);
+}
+
+/* On air nothing but data is sent, and a question. */
 static void take_data_answer(struct bluetooth_adapter *adapter, const struct answer *answer,
                              int64_t now_us)
 {
@@ -233,6 +293,14 @@ static void take_data_answer(struct bluetooth_adapter *adapter, const struct ans
     /* Nobody interferes, nor did a moment ago: what was switched off takes data as well. */
     bool sends = adapter->repair == STEP_ON_AIR && now_us >= adapter->repair_from_us;
 
+    if (adapter->sending == BLUETOOTH_LONG_RANGE && is_trial(adapter)) {
+        bool taken = answer->status == BLUETOOTH_SUCCESS;
+
+        take_trial_answer(adapter, taken, now_us);
+        if (!taken) {
+            return;
+        }
+    }
     if (answer->status != BLUETOOTH_SUCCESS) {
         set->radio->failures++;
         set_up_again(adapter, STEP_DISABLE, "new data was refused", answer, now_us);
@@ -274,7 +342,9 @@ static void take_answer(struct bluetooth_adapter *adapter, const struct answer *
 {
     if (answer->opcode == adapter->awaited) {
         adapter->awaited = 0;
-        if (adapter->step == STEP_ON_AIR) {
+        if (adapter->step == STEP_ON_AIR && answer->opcode == BLUETOOTH_READ_FEATURES) {
+            take_features_again(adapter, answer, now_us);
+        } else if (adapter->step == STEP_ON_AIR) {
             take_data_answer(adapter, answer, now_us);
         } else {
             take_step_answer(adapter, answer, now_us);

@@ -201,13 +201,29 @@ static void send_newest(struct bluetooth_adapter *adapter, int64_t now_us)
     }
 }
 
-/* From what this controller can on. */
-static void try_long_range_again(struct bluetooth_adapter *adapter, int64_t now_us)
+/* Nothing of what is wanted can be done here. */
+static bool is_unable(const struct bluetooth_adapter *adapter)
 {
-    if (adapter->step == STEP_ON_AIR && now_us >= adapter->long_range_again_us) {
-        adapter->long_range_again_us = LOOP_NEVER;
+    return adapter->step > STEP_MAXIMUM_DATA && !adapter->sets[BLUETOOTH_LEGACY].possible &&
+           !adapter->sets[BLUETOOTH_LONG_RANGE].possible;
+}
+
+/* Whoever had what was missing, or made the controller refuse it, may be gone by now. */
+static void try_again(struct bluetooth_adapter *adapter, int64_t now_us)
+{
+    const struct bluetooth_advertising *long_range = &adapter->sets[BLUETOOTH_LONG_RANGE];
+
+    if (now_us < adapter->again_us || (adapter->step != STEP_ON_AIR && !is_unable(adapter))) {
+        return;
+    }
+    adapter->again_us = LOOP_NEVER;
+    if (is_unable(adapter) || adapter->parameters_refused) {
         adapter->step = STEP_FEATURES;
-        adapter->maximum_data = MESSAGES_EXTENDED_SIZE;
+    } else if (long_range->radio != NULL && !long_range->possible) {
+        command(adapter, BLUETOOTH_READ_FEATURES, NULL, 0, now_us); /* which disturbs nothing */
+    } else {
+        adapter->trying_from = adapter->maximum_data;
+        adapter->maximum_data = adapter->maximum_said;
     }
 }
 
@@ -234,13 +250,15 @@ void bluetooth_advance(struct bluetooth_adapter *adapter, int64_t now_us)
         return;
     }
     begin_repair(adapter, now_us);
-    try_long_range_again(adapter, now_us);
+    try_again(adapter, now_us);
+    if (!hci_is_open(&adapter->hci) || adapter->awaited != 0) {
+        return;
+    }
     while (adapter->step < STEP_ON_AIR && !needed(adapter, adapter->step)) {
         adapter->step++;
     }
-    if (adapter->step > STEP_MAXIMUM_DATA && !adapter->sets[BLUETOOTH_LEGACY].possible &&
-        !adapter->sets[BLUETOOTH_LONG_RANGE].possible) {
-        return; /* nothing of what is wanted can be done here */
+    if (is_unable(adapter)) {
+        return;
     }
     if (adapter->step == STEP_ON_AIR) {
         send_newest(adapter, now_us);

@@ -103,6 +103,116 @@ static void a_controller_that_refuses_a_pack_is_given_a_smaller_one(void **state
     }
 }
 
+static bool all_is_set(void)
+{
+    return both_on_air() && fake.sets[1].length == 9 + 9 * 25;
+}
+
+static void give_payloads_for(int64_t ms)
+{
+    for (int64_t end_us = loop_now_us() + ms * 1000; loop_now_us() < end_us;) {
+        set_legacy(1);
+        give_extended(9 + (bluetooth_extended_room() - 9) / 25 * 25);
+        run_ms(250);
+    }
+}
+
+/* What had taken its memory may be gone; what it has it sends meanwhile, and the legacy set isn't
+ * touched. */
+static void a_larger_pack_is_tried_again(void **state)
+{
+    unsigned n;
+
+    (void)state;
+    start(CAPABLE);
+    fake.takes = 191;
+    begin();
+    give_payloads_for(3000);
+    assert_true(both_on_air());
+    assert_int_equal(fake.sets[1].length, 9 + 7 * 25);
+    n = fake.count;
+    give_payloads_for(10000); /* in vain */
+    assert_true(both_on_air());
+    assert_int_equal(fake.sets[1].length, 9 + 7 * 25);
+    assert_non_null(strstr(bt5.detail, "184 octets at most"));
+    fake.takes = 251;
+    give_payloads_for(21000);
+    assert_true(all_is_set());
+    assert_null(strstr(bt5.detail, "octets at most"));
+    assert_int_equal(count_since(n, 0x2039), 0);
+    assert_int_equal(bt5.failures, 0);
+    assert_int_equal(bt5.starts, 1);
+}
+
+/* One of before Bluetooth 5 is only believed: what it has refused it would refuse again. */
+static void an_interval_that_was_refused_is_tried_again(void **state)
+{
+    (void)state;
+    start(CAPABLE);
+    fake.interval_min = 0xA0;
+    begin();
+    give_payloads_for(3000);
+    assert_int_equal(fake.sets[0].parameters[3], 0xA0);
+    fake.interval_min = 0x20;
+    give_payloads_for(11000);
+    assert_int_equal(fake.sets[0].parameters[3], 0x20);
+    assert_non_null(strstr(bt4.detail, "every 20 ms"));
+    assert_true(both_on_air());
+}
+
+static void a_coding_that_was_refused_is_tried_again(void **state)
+{
+    (void)state;
+    start(CAPABLE);
+    fake.refuses_coding = true;
+    begin();
+    give_payloads_for(12000);
+    assert_null(strstr(bt5.detail, "S=8"));
+    fake.refuses_coding = false;
+    give_payloads_for(21000);
+    assert_non_null(strstr(bt5.detail, "S=8"));
+    assert_true(both_on_air());
+}
+
+/* It answered while its firmware was half there. That there is none is asked for without a pause of
+ * the legacy set. */
+static void features_that_were_missing_are_asked_for_again(void **state)
+{
+    static const uint64_t before[] = {0, FAKE_EXTENDED};
+
+    for (size_t i = 0; i < sizeof(before) / sizeof(before[0]); i++) {
+        unsigned n;
+
+        start_on_air(before[i]);
+        assert_int_equal(bt5.state, RADIO_UNSUPPORTED);
+        n = fake.count;
+        give_payloads_for(11000);
+        assert_int_equal(count_since(n, 0x2003), 1);
+        assert_int_equal(count_since(n, 0x2039) + count_since(n, 0x200A), 0);
+        fake.features = CAPABLE;
+        give_payloads_for(21000);
+        assert_true(all_is_set());
+        if (i == 0) {
+            end(state);
+        }
+    }
+}
+
+/* There is nothing else that it could do. */
+static void long_range_alone_is_asked_for_again(void **state)
+{
+    (void)state;
+    start(FAKE_EXTENDED);
+    config.bt4_enabled = false;
+    begin();
+    give_payloads_for(3000);
+    assert_int_equal(bt5.state, RADIO_UNSUPPORTED);
+    fake.features = CAPABLE;
+    give_payloads_for(9000);
+    assert_int_equal(bt5.state, RADIO_ON_AIR);
+    assert_true(fake.sets[1].enabled);
+}
+
 static void a_capable_controller_never_gets_a_legacy_command(void **state)
 {
     (void)state;
@@ -379,6 +489,11 @@ int main(void)
         TEST(a_capable_controller_never_gets_a_legacy_command),
         TEST(a_controller_with_less_room_is_given_a_smaller_pack),
         TEST(a_controller_that_refuses_a_pack_is_given_a_smaller_one),
+        TEST(a_larger_pack_is_tried_again),
+        TEST(an_interval_that_was_refused_is_tried_again),
+        TEST(a_coding_that_was_refused_is_tried_again),
+        TEST(features_that_were_missing_are_asked_for_again),
+        TEST(long_range_alone_is_asked_for_again),
         TEST(without_coding_selection_the_first_version_is_used),
         TEST(a_controller_that_only_claims_coding_selection_still_transmits),
         TEST(a_legacy_controller_never_gets_an_extended_command),
