@@ -10,6 +10,8 @@
 #define EVENT_COMMAND_COMPLETE 0x0E
 #define EVENT_COMMAND_STATUS 0x0F
 #define EVENT_HARDWARE_ERROR 0x10
+#define EVENT_LE_META 0x3E
+#define SUBEVENT_SET_TERMINATED 0x12
 
 /* LE features, Vol 6 Part B 4.6, by byte and bit. */
 #define FEATURE_CODED_PHY(features) ((features)[1] >> 3 & 1)
@@ -311,6 +313,15 @@ static void take_data_answer(struct bluetooth_adapter *adapter, const struct ans
     }
 }
 
+static void count_repair(struct bluetooth_adapter *adapter)
+{
+    for (int i = 0; i < BLUETOOTH_SETS; i++) {
+        if (adapter->sets[i].possible) {
+            adapter->sets[i].radio->repairs++;
+        }
+    }
+}
+
 /*
  * The end of a command that isn't ours. Before our own set-up began it is the
  * kernel's, which brings the controller up, or a late one of before a time-out.
@@ -326,13 +337,23 @@ static void take_foreign(struct bluetooth_adapter *adapter, const struct answer 
         !bluetooth_changes_advertising(answer->opcode)) {
         return;
     }
-    for (int i = 0; i < BLUETOOTH_SETS; i++) {
-        if (adapter->sets[i].possible) {
-            adapter->sets[i].radio->repairs++;
-        }
-    }
+    count_repair(adapter);
     set_up_again(adapter, was_enable ? STEP_ENABLE : STEP_DISABLE, "another program interfered",
                  answer, now_us);
+}
+
+/* Ours are without end (7.7.65.18): another program, or the controller, gave it one. */
+static void take_set_terminated(struct bluetooth_adapter *adapter, const uint8_t *parameters,
+                                int64_t now_us)
+{
+    const struct answer none = {.status = parameters[1]};
+
+    if (adapter->step <= STEP_FEATURES || !adapter->extended || parameters[2] >= BLUETOOTH_SETS ||
+        !adapter->sets[parameters[2]].possible) {
+        return;
+    }
+    count_repair(adapter);
+    set_up_again(adapter, STEP_ENABLE, "a set has ended", &none, now_us);
 }
 
 /* ---- events ---- */
@@ -410,6 +431,8 @@ void bluetooth_event(void *context, uint8_t code, const uint8_t *parameters, siz
         take_command_complete(adapter, parameters, length, now_us);
     } else if (code == EVENT_COMMAND_STATUS && length >= 4) {
         take_command_status(adapter, parameters, now_us);
+    } else if (code == EVENT_LE_META && length >= 3 && parameters[0] == SUBEVENT_SET_TERMINATED) {
+        take_set_terminated(adapter, parameters, now_us);
     } else if (code == EVENT_HARDWARE_ERROR) {
         snprintf(detail, sizeof(detail), "%s reports hardware error 0x%02x", adapter->name,
                  length > 0 ? parameters[0] : 0);

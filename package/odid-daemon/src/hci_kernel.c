@@ -1,6 +1,8 @@
 #include "hci_kernel.h"
 
 #include <errno.h>
+#include <linux/filter.h>
+#include <stdbool.h>
 #include <stdint.h>
 #include <string.h>
 #include <sys/ioctl.h>
@@ -17,6 +19,8 @@
 #define MGMT_INVALID_INDEX 0x11
 #define MGMT_RFKILLED 0x12
 #define MGMT_PERMISSION_DENIED 0x14
+
+#define LE_SET_TERMINATED 0x12 /* Bluetooth Core Vol 4 Part E 7.7.65.18 */
 
 static unsigned get16(const uint8_t *bytes)
 {
@@ -89,6 +93,23 @@ static int power_up(int dev_id)
     return result;
 }
 
+/* LE meta events say when a set has ended (subevent 0x12), and whatever somebody who scans hears:
+ * that may be a thousand a second. Of a kernel that takes no filter for it none is asked for. */
+static bool filter_meta(int fd)
+{
+    static struct sock_filter words[] = {
+        BPF_STMT(BPF_LD | BPF_B | BPF_ABS, 1), /* behind the packet's type: the event */
+        BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, EVT_LE_META_EVENT, 0, 2),
+        BPF_STMT(BPF_LD | BPF_B | BPF_ABS, 3), /* behind its length: the subevent */
+        BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, LE_SET_TERMINATED, 0, 1),
+        BPF_STMT(BPF_RET | BPF_K, UINT32_MAX),
+        BPF_STMT(BPF_RET | BPF_K, 0),
+    };
+    const struct sock_fprog program = {.len = sizeof(words) / sizeof(words[0]), .filter = words};
+
+    return setsockopt(fd, SOL_SOCKET, SO_ATTACH_FILTER, &program, sizeof(program)) == 0;
+}
+
 static int set_filter(int fd)
 {
     struct hci_filter filter;
@@ -98,6 +119,9 @@ static int set_filter(int fd)
     hci_filter_set_event(EVT_CMD_COMPLETE, &filter);
     hci_filter_set_event(EVT_CMD_STATUS, &filter);
     hci_filter_set_event(EVT_HARDWARE_ERROR, &filter);
+    if (filter_meta(fd)) {
+        hci_filter_set_event(EVT_LE_META_EVENT, &filter);
+    }
     return setsockopt(fd, SOL_HCI, HCI_FILTER, &filter, sizeof(filter)) < 0 ? -errno : 0;
 }
 

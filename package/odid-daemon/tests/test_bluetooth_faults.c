@@ -41,6 +41,30 @@ static void a_foreign_disable_is_undone_within_a_slot(void **state)
     assert_int_equal(count_since(n, 0x2036) + count_since(n, 0x207F), 0); /* by one command */
 }
 
+/* By what another program, or the controller, gave it an end. */
+static void a_set_that_ended_is_switched_on_again(void **state)
+{
+    static const uint8_t ended[] = {4, 0x3E, 6, 0x12, 0x3C, 1, 0, 0, 0};
+    static const uint8_t heard[] = {4, 0x3E, 6, 0x0D, 0x3C, 1, 0, 0, 0};
+    static const uint8_t others[] = {4, 0x3E, 6, 0x12, 0x3C, 5, 0, 0, 0};
+    static const uint8_t torn[] = {4, 0x3E, 2, 0x12, 0x3C};
+    unsigned n;
+
+    (void)state;
+    start_whole();
+    n = fake.count;
+    fake_send(&fake, heard, sizeof(heard));
+    fake_send(&fake, others, sizeof(others));
+    fake_send(&fake, torn, sizeof(torn));
+    run_ms(20);
+    assert_int_equal(fake.count, n);
+    fake.sets[1].enabled = false;
+    fake_send(&fake, ended, sizeof(ended));
+    assert_true(loop_until(is_whole, 125));
+    assert_int_equal(bt5.repairs, 1);
+    assert_int_equal(count_since(n, 0x2036) + count_since(n, 0x207F), 0); /* by one command */
+}
+
 static bool second_is_set(void)
 {
     return fake.sets[1].data[5] == 2;
@@ -437,6 +461,7 @@ int main(void)
 #define TEST(name) cmocka_unit_test_teardown(name, end)
     const struct CMUnitTest tests[] = {
         TEST(a_foreign_disable_is_undone_within_a_slot),
+        TEST(a_set_that_ended_is_switched_on_again),
         TEST(the_newest_goes_out_with_the_event_after_a_foreign_disable),
         TEST(enabling_that_is_refused_makes_a_whole_set_up),
         TEST(a_foreign_disable_of_a_legacy_controller_is_undone),
