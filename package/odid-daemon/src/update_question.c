@@ -33,12 +33,17 @@ static bool prevents_downgrade(void)
     return config.update_prevent_downgrade;
 }
 
+#define TRIED DATA "/odid/.remembers"
+
 /* Of what is rolled back a mark is kept, else a stick would bring it again and again. A disk that
  * has turned read-only may not have said so yet: it is tried. */
 static bool remembers(void)
 {
-    return access(FAULTS "/data", F_OK) < 0 &&
-           whole_file_replace(DATA "/odid/.remembers", "", 0, 0600) == 0;
+    bool remembers =
+        access(FAULTS "/data", F_OK) < 0 && whole_file_replace(TRIED, "?", 1, 0600) == 0;
+
+    unlink(TRIED);
+    return remembers;
 }
 
 static void fill_offer(struct update_offer *offer, const struct update_bundle *bundle,

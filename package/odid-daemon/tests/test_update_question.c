@@ -99,6 +99,7 @@ static void expect_answer(const char *part)
         fail_msg("\"%s\" isn't in: %s", part, answer);
     }
     assert_int_equal(protected, part[0] != '\0');
+    assert_int_equal(access(TRIED, F_OK), -1); /* nothing is left of the question */
 }
 
 static void offer(const char *version)
