@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "config_keys.h"
+#include "earth.h"
 
 #define ID_NONE 0
 #define ID_SERIAL 1
@@ -98,9 +99,10 @@ static void judge_system(const struct config *config, struct config_source *sour
             "operator_longitude; the ground station's place or the take-off point is sent, and "
             "until one is known none");
     }
-    if (config->operator_latitude_deg == 0 && config->operator_longitude_deg == 0) {
+    if (earth_is_near_zero(config->operator_latitude_deg, config->operator_longitude_deg)) {
         config_say(source, CONFIG_WARNING,
-                   "[system] operator_latitude, operator_longitude: 0, 0 means unknown on the air");
+                   "[system] operator_latitude, operator_longitude: nobody stands at 0, 0, which "
+                   "means unknown on the air");
     }
     if (config->classification_type == 0 && (config->category != 0 || config->class_eu != 0)) {
         config_say(

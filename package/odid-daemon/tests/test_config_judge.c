@@ -62,10 +62,10 @@ static void judgements(void **state)
          "warning: [system] operator_location_type = fixed needs operator_latitude and "
          "operator_longitude; the ground station's place or the take-off point is sent, and until "
          "one is known none\n"},
-        {GOOD "[system]\noperator_location_type = fixed\noperator_latitude = 0\n"
-              "operator_longitude = 0\n",
-         "warning: [system] operator_latitude, operator_longitude: 0, 0 means unknown on the "
-         "air\n"},
+        {GOOD "[system]\noperator_location_type = fixed\noperator_latitude = 0.001\n"
+              "operator_longitude = -0.001\n",
+         "warning: [system] operator_latitude, operator_longitude: nobody stands at 0, 0, which "
+         "means unknown on the air\n"},
         {GOOD "[system]\nclassification_type = undeclared\ncategory = open\n",
          "warning: [system] category and class mean nothing with classification_type = "
          "undeclared\n"},
