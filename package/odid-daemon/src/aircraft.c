@@ -23,7 +23,7 @@ struct aircraft *aircraft_init(const struct config *config, int64_t start_us)
     aircraft.landed_us = aircraft.in_air_us = aircraft.crashed_us = INT64_MIN;
     aircraft.landed_no_us = aircraft.lies_us = INT64_MIN;
     aircraft_forget_receivers(&aircraft);
-    aircraft.armed_ended_us = aircraft.auth_said_us = INT64_MIN;
+    aircraft.armed_ended_us = aircraft.auth_said_us = aircraft.unheard_us = INT64_MIN;
     aircraft.separation_m = NAN;
     aircraft.telemetry.fix_us = aircraft.position_boot_us = INT64_MIN;
     aircraft.waiting_position.came_us = aircraft.waiting_time.came_us = INT64_MIN;
@@ -171,9 +171,14 @@ static void look_whether_it_flies(struct aircraft *aircraft, int64_t now_us)
 {
     int64_t since_us =
         aircraft->heartbeat_us == INT64_MIN ? aircraft->start_us : aircraft->heartbeat_us;
+    bool flies = !aircraft->armed && !aircraft_fresh(since_us, now_us) &&
+                 aircraft_is_flying(aircraft, now_us);
 
-    if (aircraft->armed || aircraft_fresh(since_us, now_us) ||
-        !aircraft_is_flying(aircraft, now_us)) {
+    /* After a silence of everything its HEARTBEAT is the next thing that comes. */
+    aircraft->unheard_us = !flies                              ? INT64_MIN
+                           : aircraft->unheard_us == INT64_MIN ? now_us
+                                                               : aircraft->unheard_us;
+    if (!flies || aircraft_fresh(aircraft->unheard_us, now_us)) {
         return;
     }
     arming_flies(&aircraft->arming);

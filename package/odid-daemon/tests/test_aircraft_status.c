@@ -533,8 +533,13 @@ static void without_heartbeats_what_flies_is_armed(void **state)
     sim.heartbeat = false;
     fly(10);
     assert_false(condition.armed);
-    sim.north_mps = 15;
+    sim.north_mps = 15; /* in a car, and the cable was out for a while */
     fly(1);
+    sim.heartbeat = true;
+    fly(5);
+    assert_false(condition.armed);
+    sim.heartbeat = false;
+    fly(7);
     assert_true(condition.armed && condition.flies_unheard);
     sim.north_mps = 0;
     fly(30); /* it may be hovering */
