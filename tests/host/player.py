@@ -1,5 +1,8 @@
 """Plays a telemetry log (.tlog) at real speed, byte for byte, and keeps what comes back.
 
+A command is answered as an autopilot that can't do it now (MAV_RESULT_FAILED), so that it is known to hear. The answer has a
+number of its sender's, and what is played of that one after it has the next ones.
+
 `--to udp:ADDRESS:PORT` sends datagrams, `serial:PATH` writes to a device, `pty:PATH` makes a pty
 with a link at that path, `unix:PATH` connects to a UNIX socket, which is the serial line of an
 emulated machine. At the log's end it stops sending and stays, until it is ended.
@@ -18,7 +21,10 @@ import sys
 import termios
 import time
 import tty
+from collections import Counter
 from pathlib import Path
+
+from pymavlink.dialects.v20 import common
 
 from . import tlog
 from .orders import Orders
@@ -27,6 +33,7 @@ from .orders import Orders
 KEPT = ("HEARTBEAT", "SYSTEM_TIME", "GLOBAL_POSITION_INT", "GPS_RAW_INT", "GPS2_RAW", "HOME_POSITION",
         "EXTENDED_SYS_STATE")
 KEPT_PREFIX = "OPEN_DRONE_ID_"
+AUTOPILOT = 1  # its component
 
 
 class Udp:
@@ -192,6 +199,8 @@ class Player:
         self.played, self.answers = JsonLines(played), JsonLines(answers)
         self.decoder = tlog.Decoder()
         self.paused = False
+        self.numbers = {}  # (system, component): its last number
+        self.answered = Counter()  # and how many answers of it came before that
         self.orders, self.has_orders = Orders(self.obey), True
 
     def obey(self, words):
@@ -210,6 +219,24 @@ class Player:
         mono = time.monotonic()
         for message in self.decoder.messages(self.end.receive()):
             self.answers.write(mono, tlog.as_record(message))
+            if message.get_type() == "COMMAND_LONG":
+                self.answer(message)
+
+    def answer(self, command):
+        sender = command.target_system, AUTOPILOT
+        if self.paused or sender not in self.numbers:
+            return
+        link = common.MAVLink(None, *sender)
+        link.seq = self.numbers[sender] = (self.numbers[sender] + 1) & 0xFF
+        self.answered[sender] += 1
+        self.end.send(common.MAVLink_command_ack_message(
+            command.command, common.MAV_RESULT_FAILED, 0, 0, command.get_srcSystem(), command.get_srcComponent()).pack(link))
+
+    def send(self, frame):
+        sender = tlog.sender(frame)
+        frame = tlog.renumbered(frame, self.answered[sender])
+        self.numbers[sender] = tlog.number(frame)
+        return self.end.send(frame)
 
     def wait(self, until):
         """Listens until then (None: for ever)."""
@@ -230,7 +257,7 @@ class Player:
             self.wait(start + at_s)
             mono = time.monotonic()
             # What nobody could receive wasn't played.
-            if not self.paused and self.end.send(frame) and record:
+            if not self.paused and self.send(frame) and record:
                 self.played.write(mono, record)
         print(f"played {len(self.prepared)} frames in {time.monotonic() - start:.1f} s",
               file=sys.stderr, flush=True)

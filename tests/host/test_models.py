@@ -312,6 +312,29 @@ def test_the_generated_flight_agrees_with_itself(tmp_path):
     assert not armed[0] and armed[-1]
 
 
+def test_the_player_answers_what_it_is_told_to_do(tmp_path):
+    """It can't, and hears. Its answer takes a number, and what comes after it the next ones."""
+    flight, heard, decoder = tmp_path / "flight.tlog", [], tlog.Decoder()
+    write_flight(flight, 4)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ear:
+        ear.bind(("127.0.0.1", 0))
+        ear.settimeout(patience.LIMIT_S)
+        player = parts.Part([sys.executable, "-m", "host.player", flight, "--to", f"udp:127.0.0.1:{ear.getsockname()[1]}"],
+                            tmp_path / "player.log", orders=True)
+        try:
+            while len(heard) < 40 or [one.get_type() for one in heard].count("COMMAND_ACK") < 2:
+                frame, sender = ear.recvfrom(512)
+                heard += decoder.messages(frame)
+                if len(heard) in (5, 20):
+                    command = tlog.mavlink.MAVLink_command_long_message(1, 1, 511, 0, 33, 200000, 0, 0, 0, 0, 0)
+                    ear.sendto(command.pack(tlog.mavlink.MAVLink(None, srcSystem=1, srcComponent=236)), sender)
+        finally:
+            player.stop(signal.SIGTERM)
+    answers = [one for one in heard if one.get_type() == "COMMAND_ACK"]
+    assert [(one.command, one.result, one.target_component) for one in answers] == [(511, 4, 236)] * 2
+    assert [one.get_seq() for one in heard] == [(heard[0].get_seq() + step) & 0xFF for step in range(len(heard))]
+
+
 def test_the_player_keeps_bytes_and_time(tmp_path):
     began = time.time(), time.monotonic()
     flight = tmp_path / "flight.tlog"

@@ -1,6 +1,7 @@
 """Telemetry logs (.tlog): a big-endian microsecond stamp before each MAVLink frame."""
 
 import os
+import struct
 
 # The dialect's message fields as MAVLink 2 has them; MAVLink 1 frames are read with the same.
 os.environ.setdefault("MAVLINK20", "1")
@@ -83,6 +84,31 @@ class Decoder:
         """What is whole in a stream so far; what it can't read is left out."""
         found = self._mavlink.parse_buffer(data) or []
         return [message for message in found if message.get_type() != "BAD_DATA"]
+
+
+def number(frame):
+    return frame[4] if frame[0] == MAGIC_2 else frame[2]
+
+
+def sender(frame):
+    """(system, component)."""
+    return (frame[5], frame[6]) if frame[0] == MAGIC_2 else (frame[3], frame[4])
+
+
+def renumbered(frame, steps):
+    """A frame whose number is so many steps later; one of a message that nobody knows stays as it is."""
+    second = frame[0] == MAGIC_2
+    number_at, header = (4, 10) if second else (2, 6)
+    end = header + frame[1]
+    known = mavlink.mavlink_map.get(int.from_bytes(frame[7:10], "little") if second else frame[5])
+    if not steps or not known:
+        return frame
+    made = bytearray(frame)
+    made[number_at] = (made[number_at] + steps) & 0xFF
+    crc = mavlink.x25crc(bytes(made[1:end]))
+    crc.accumulate(bytes([known.crc_extra]))
+    made[end:end + 2] = struct.pack("<H", crc.crc)
+    return bytes(made)
 
 
 def as_record(message):
