@@ -71,7 +71,7 @@ class FlightLog:
     utc: list[tuple[float, float]] = field(default_factory=list)  # mono, Unix time
     undulations: list[tuple[float, float | None]] = field(default_factory=list)  # mono, metres or unknown
     fix_types: list[tuple[float, int, str]] = field(default_factory=list)  # and whose: the message's name
-    fix_times: dict[str, int] = field(default_factory=dict)  # each receiver's last
+    fixes_said: dict[str, tuple] = field(default_factory=dict)  # each receiver's last: time, kind of fix and place
     time_known_mono: float | None = None  # the first SYSTEM_TIME that a GNSS fix confirms
     clock_offset_s: float = 0.0  # mono minus time
     gnss_found: dict[float, bool | None] = field(default_factory=dict)  # has_gnss, once the log is whole
@@ -169,11 +169,11 @@ def read_flight_log(path: Path) -> FlightLog:
                 if name == RECEIVER_MESSAGES[0] or ellipsoid_mm is not None:
                     log.undulations.append((mono, None if ellipsoid_mm is None else
                                             (ellipsoid_mm - record["alt"]) / 1000))
-                # One that repeats the time of its last fix says nothing new; without a fix it has no time to move on.
-                time_us = record.get("time_usec") or None
-                if record["fix_type"] < FIX_TYPE_2D or time_us is None or time_us != log.fix_times.get(name):
+                # One that repeats its last fix, with the time of that, says nothing new; without a fix it has no time to move on.
+                said = record.get("time_usec"), record["fix_type"], record.get("lat"), record.get("lon")
+                if record["fix_type"] < FIX_TYPE_2D or not said[0] or said != log.fixes_said.get(name):
                     log.fix_types.append((mono, record["fix_type"], name))
-                log.fix_times[name] = time_us or 0
+                log.fixes_said[name] = said
             elif name in POSITION_MESSAGES:
                 fix = _telemetry_fix(mono, record) if name == POSITION_MESSAGES[0] else _native_fix(mono, record)
                 if fix.latitude_e7 or fix.longitude_e7:

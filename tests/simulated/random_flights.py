@@ -123,7 +123,7 @@ def trace(flight):
         f"; {problem['reason']}" for problem in one["problems"])) for one in flight.technician.answers]
     for one in flight.windows:
         happened += [(one.begin_s, f"done   {one.fault.name} to {one.channel or 'the autopilot'}"), (one.back_s, f"over   {one.fault.name}")]
-    return sorted(happened)
+    return sorted(one for one in happened if one[0] <= flight.world.now_us / 1e6 - START_US / 1e6)  # not what was planned for later
 
 
 def just_before(law, folder):

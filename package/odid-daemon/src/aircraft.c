@@ -190,9 +190,9 @@ static void look_whether_it_flies(struct aircraft *aircraft, int64_t now_us)
 
 /* ---- native static messages ---- */
 
-/* One of each type: a serial number comes first, and any other type has the place that is free. -1:
- * there is none, and who was there first stays. */
-static int place_of_id(const struct aircraft *aircraft, uint8_t id_type)
+/* One of each type: a serial number comes first, and any other type has the place that is free, or
+ * of one that isn't said any more. -1: there is none, and who was there first stays. */
+static int place_of_id(const struct aircraft *aircraft, uint8_t id_type, int64_t now_us)
 {
     const struct aircraft_native_id *ids = aircraft->native_basic_id;
 
@@ -204,10 +204,20 @@ static int place_of_id(const struct aircraft *aircraft, uint8_t id_type)
             return i;
         }
     }
-    return ids[1].id_type == ODID_IDTYPE_NONE ? 1 : ids[0].id_type == ODID_IDTYPE_NONE ? 0 : -1;
+    if (ids[1].id_type == ODID_IDTYPE_NONE || ids[0].id_type == ODID_IDTYPE_NONE) {
+        return ids[1].id_type == ODID_IDTYPE_NONE ? 1 : 0;
+    }
+    if (now_us - ids[1].said_us >= AIRCRAFT_CORRECTED_US) {
+        return 1;
+    }
+    return ids[0].id_type != ODID_IDTYPE_SERIAL_NUMBER &&
+                   now_us - ids[0].said_us >= AIRCRAFT_CORRECTED_US
+               ? 0
+               : -1;
 }
 
-static void take_basic_id(struct aircraft *aircraft, const struct telemetry_update *update)
+static void take_basic_id(struct aircraft *aircraft, const struct telemetry_update *update,
+                          int64_t now_us)
 {
     struct aircraft_native_id *native;
     int slot;
@@ -219,13 +229,14 @@ static void take_basic_id(struct aircraft *aircraft, const struct telemetry_upda
             aircraft->basic_id_by_another[i] = false;
         }
     }
-    slot = place_of_id(aircraft, update->basic_id.id_type);
+    slot = place_of_id(aircraft, update->basic_id.id_type, now_us);
     if (slot < 0) {
         return;
     }
     native = &aircraft->native_basic_id[slot];
     aircraft->basic_id_by_another[slot] = update->by_another;
     memcpy(native, &update->basic_id, sizeof(update->basic_id));
+    native->said_us = now_us;
     if (native->id_type == ODID_IDTYPE_CAA_REGISTRATION_ID) {
         identifiers_remove_secrets(native->uas_id);
     }
@@ -370,7 +381,7 @@ void aircraft_update(struct aircraft *aircraft, const struct telemetry_update *u
         }
         break;
     case TELEMETRY_BASIC_ID:
-        take_basic_id(aircraft, update);
+        take_basic_id(aircraft, update, now_us);
         break;
     case TELEMETRY_LOCATION:
         if (aircraft_take_location(aircraft, update, now_us)) {

@@ -116,7 +116,7 @@ static void fill_from_native(const struct aircraft *aircraft, int64_t now_us,
     if (isnan(out->altitude_geodetic_m) && !apart && !aircraft_altitudes_differ(aircraft, now_us)) {
         out->altitude_geodetic_m = native->altitude_geodetic_m;
     }
-    if (isnan(out->height_m) && !apart && native_height_counts(aircraft, now_us)) {
+    if (isnan(out->height_m) && native_height_counts(aircraft, now_us)) {
         out->height_m = native->counted.location.height_m;
         out->height_above_ground =
             native->counted.location.height_reference == MAV_ODID_HEIGHT_REF_OVER_GROUND;

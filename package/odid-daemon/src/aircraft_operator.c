@@ -27,6 +27,7 @@ void aircraft_forget_speaker(struct aircraft *aircraft, enum aircraft_speaker sp
     memset(&aircraft->operator_number[speaker], 0, sizeof(aircraft->operator_number[speaker]));
     memset(&aircraft->system[speaker], 0, sizeof(aircraft->system[speaker]));
     aircraft->description[speaker].said_us = INT64_MIN;
+    aircraft->operator_number[speaker].said_us = INT64_MIN;
     aircraft->system[speaker].said_us = INT64_MIN;
     /* Until a SYSTEM says otherwise: who sends updates has an operator who moves. */
     aircraft->system[speaker].operator_location_type = MAV_ODID_OPERATOR_LOCATION_TYPE_LIVE_GNSS;
@@ -38,7 +39,7 @@ void aircraft_forget_speaker(struct aircraft *aircraft, enum aircraft_speaker sp
     }
 }
 
-static bool still_said(int64_t said_us, int64_t now_us)
+bool aircraft_still_said(int64_t said_us, int64_t now_us)
 {
     return said_us != INT64_MIN && now_us - said_us < AIRCRAFT_SPEAKER_KEPT_US;
 }
@@ -53,7 +54,8 @@ static bool is_heard(struct aircraft *aircraft, enum aircraft_ground what,
     if (!update->by_another) {
         return true;
     }
-    if (ground->speaker != update->speaker && !urgent && still_said(ground->said_us, now_us)) {
+    if (ground->speaker != update->speaker && !urgent &&
+        aircraft_still_said(ground->said_us, now_us)) {
         return false;
     }
     ground->speaker = update->speaker;
@@ -72,7 +74,7 @@ static void take_text(char *to, const char *from, size_t size)
 static bool is_emergency(const struct aircraft_description *description, int64_t now_us)
 {
     return description->type == ODID_DESC_TYPE_EMERGENCY && description->text[0] != '\0' &&
-           still_said(description->said_us, now_us);
+           aircraft_still_said(description->said_us, now_us);
 }
 
 void aircraft_take_self_id(struct aircraft *aircraft, const struct telemetry_update *update,
@@ -130,6 +132,7 @@ void aircraft_take_operator_id(struct aircraft *aircraft, const struct telemetry
     if (!is_heard(aircraft, GROUND_OPERATOR_ID, update, false, now_us)) {
         return;
     }
+    number->said_us = now_us;
     number->type = update->operator_id.type;
     take_text(number->number, update->operator_id.operator_id, sizeof(number->number));
 }
@@ -146,7 +149,7 @@ const struct aircraft_operator_number *aircraft_operator_said(const struct aircr
 
 static bool place_said(const struct aircraft_native_system *system, int64_t now_us)
 {
-    return !isnan(system->latitude_deg) && still_said(system->said_us, now_us);
+    return !isnan(system->latitude_deg) && aircraft_still_said(system->said_us, now_us);
 }
 
 static bool is_live(const struct aircraft_native_system *system)
@@ -194,7 +197,7 @@ bool aircraft_operators_differ(const struct aircraft *aircraft, int64_t now_us)
 
     return (place_said(a, now_us) && place_said(b, now_us) &&
             is_elsewhere(a, b->latitude_deg, b->longitude_deg)) ||
-           still_said(aircraft->grounds_differ_us, now_us);
+           aircraft_still_said(aircraft->grounds_differ_us, now_us);
 }
 
 static void take_static_fields(struct aircraft_native_system *system,
@@ -221,7 +224,7 @@ static void watch_jumps(struct aircraft *aircraft, const struct aircraft_native_
         place_said(system, now_us) && is_elsewhere(system, update->system.operator_latitude_deg,
                                                    update->system.operator_longitude_deg);
 
-    if (jumps && still_said(aircraft->ground_jumped_us, now_us)) {
+    if (jumps && aircraft_still_said(aircraft->ground_jumped_us, now_us)) {
         aircraft->grounds_differ_us = now_us;
     }
     aircraft->ground_jumped_us = jumps ? now_us : aircraft->ground_jumped_us;

@@ -21,6 +21,8 @@
  * long flight. */
 #define HIGH_APART_M 60.0
 #define HIGH_ACCURACY_UNKNOWN_M 15.0
+/* ... and cold or warm air by a part of the height: an altitude that moves may be off by it. */
+#define HIGH_APART_OF_HEIGHT 0.15
 
 enum { TELEMETRY, NATIVE };
 
@@ -113,19 +115,26 @@ static void compare(struct aircraft *aircraft, struct aircraft_receiver *receive
     }
 }
 
-/* above_m: of the fix, above the receiver. climbs_mps: NAN where that isn't known. */
+static double or_zero(double value)
+{
+    return isnan(value) ? 0 : fabs(value);
+}
+
+/* above_m: of the fix, above the receiver. climbs_mps, height_m: NAN where that isn't known. */
 static void compare_altitude(const struct aircraft *aircraft,
                              const struct aircraft_receiver *receiver, struct aircraft_fix *fix,
-                             double above_m, double climbs_mps, int64_t now_us)
+                             double above_m, double climbs_mps, double height_m, int64_t now_us)
 {
     double accuracy_m = isnan(receiver->vertical_accuracy_m) ? HIGH_ACCURACY_UNKNOWN_M
                                                              : receiver->vertical_accuracy_m;
-    double limit_m = HIGH_APART_M + 3 * accuracy_m +
-                     (isnan(climbs_mps) ? 0 : fabs(climbs_mps)) *
-                         (DELAY_S + fabs((double)(now_us - fix->fix_us)) * 1e-6);
+    double limit_m = HIGH_APART_M + 3 * accuracy_m;
 
     if (!aircraft_fresh(fix->fix_us, now_us) || aircraft_receiver(aircraft, now_us) != receiver) {
         return;
+    }
+    limit_m += or_zero(climbs_mps) * (DELAY_S + fabs((double)(now_us - fix->fix_us)) * 1e-6);
+    if (now_us - fix->climbed_us <= STILL_US) {
+        limit_m += HIGH_APART_OF_HEIGHT * or_zero(height_m);
     }
     if (!(fabs(above_m) > limit_m)) { /* nor where one of the two isn't known */
         fix->high_us = INT64_MIN;
@@ -159,9 +168,13 @@ bool aircraft_altitude_is_apart(const struct aircraft *aircraft, const struct ai
 static bool is_repeated(const struct aircraft_receiver *receiver,
                         const struct telemetry_update *update)
 {
+    bool moved = update->gps_raw.latitude_deg != receiver->latitude_deg ||
+                 update->gps_raw.longitude_deg != receiver->longitude_deg;
+
     return update->gps_raw.time_us != 0 && update->gps_raw.time_us == receiver->time_us &&
            update->gps_raw.fix_type >= GPS_FIX_TYPE_2D_FIX &&
-           update->gps_raw.fix_type == receiver->fix_type;
+           update->gps_raw.fix_type == receiver->fix_type &&
+           (!moved || isnan(update->gps_raw.latitude_deg));
 }
 
 static void take_separation(struct aircraft *aircraft, const struct aircraft_receiver *receiver,
@@ -203,6 +216,7 @@ void aircraft_take_gps_raw(struct aircraft *aircraft, const struct telemetry_upd
         aircraft->waiting_position.came_us = aircraft->waiting_time.came_us = INT64_MIN;
     }
     if (receiver->fix_type < GPS_FIX_TYPE_3D_FIX) {
+        aircraft->telemetry.high_us = aircraft->native.high_us = INT64_MIN; /* it knows no height */
         return;
     }
     take_separation(aircraft, receiver, now_us);
@@ -211,9 +225,11 @@ void aircraft_take_gps_raw(struct aircraft *aircraft, const struct telemetry_upd
     compare(aircraft, receiver, NATIVE, isnan(native_mps) ? 0 : native_mps, now_us);
     compare_altitude(aircraft, receiver, &aircraft->telemetry,
                      aircraft->telemetry.altitude_msl_m - update->gps_raw.altitude_msl_m,
-                     aircraft->telemetry.vertical_speed_mps, now_us);
+                     aircraft->telemetry.vertical_speed_mps,
+                     aircraft->telemetry.relative_altitude_m, now_us);
     compare_altitude(aircraft, receiver, &aircraft->native,
                      aircraft->native_location.altitude_geodetic_m - aircraft->separation_m -
                          update->gps_raw.altitude_msl_m,
-                     aircraft->native_location.received.location.vertical_speed_mps, now_us);
+                     aircraft->native_location.received.location.vertical_speed_mps,
+                     aircraft->native_location.received.location.height_m, now_us);
 }

@@ -20,6 +20,9 @@
 #define AIRCRAFT_SPEAKER_KEPT_US 10000000
 /* Sixteen pages, one a second, come again within this time. */
 #define AIRCRAFT_AUTHENTICATION_KEPT_US 30000000
+/* Of two identities that are no serial number one may be the other's correction: then it isn't said
+ * any more. */
+#define AIRCRAFT_CORRECTED_US 30000000
 
 /* A position as one source gave it last. */
 struct aircraft_fix {
@@ -85,6 +88,7 @@ struct aircraft_description {
 };
 
 struct aircraft_operator_number {
+    int64_t said_us; /* INT64_MIN: never */
     uint8_t type;
     char number[21];
 };
@@ -103,6 +107,7 @@ struct aircraft_native_system {
 struct aircraft_native_id {
     uint8_t id_type, ua_type; /* id_type 0: never came */
     char uas_id[21];
+    int64_t said_us;
 };
 
 struct aircraft {
@@ -245,6 +250,9 @@ void aircraft_take_system(struct aircraft *aircraft, const struct telemetry_upda
                           int64_t now_us);
 /* Nothing of what it said counts any more. */
 void aircraft_forget_speaker(struct aircraft *aircraft, enum aircraft_speaker speaker);
+
+/* Within the last 10 s? INT64_MIN: never. */
+bool aircraft_still_said(int64_t said_us, int64_t now_us);
 
 /* Somebody declares an emergency now: until it takes that back, or is silent for 10 s. NULL:
  * nobody. */

@@ -41,6 +41,17 @@ static bool has_id_type(const struct aircraft_view *view, uint8_t id_type)
     return false;
 }
 
+/* Two that are no serial number, and this one isn't said any more. */
+static bool is_corrected(const struct aircraft *aircraft, unsigned which)
+{
+    const struct aircraft_native_id *id = &aircraft->native_basic_id[which];
+    const struct aircraft_native_id *other = &aircraft->native_basic_id[1 - which];
+
+    return id->id_type != ODID_IDTYPE_SERIAL_NUMBER && other->id_type != ODID_IDTYPE_NONE &&
+           other->id_type != ODID_IDTYPE_SERIAL_NUMBER &&
+           other->said_us - id->said_us >= AIRCRAFT_CORRECTED_US;
+}
+
 /* Where it is configured who this is, no native one stands beside it: ArduPilot passes on as its
  * own what anybody on the ground has said. */
 static void view_basic_ids(const struct aircraft *aircraft, struct aircraft_view *view)
@@ -64,7 +75,8 @@ static void view_basic_ids(const struct aircraft *aircraft, struct aircraft_view
     for (unsigned i = 0; i < 2 && view->basic_ids < 2; i++) {
         const struct aircraft_native_id *native = &aircraft->native_basic_id[i];
 
-        if (native->id_type != ODID_IDTYPE_NONE && !has_id_type(view, native->id_type)) {
+        if (native->id_type != ODID_IDTYPE_NONE && !has_id_type(view, native->id_type) &&
+            !is_corrected(aircraft, i)) {
             out = &view->basic_id[view->basic_ids++];
             out->id_type = native->id_type;
             out->ua_type =
@@ -235,19 +247,27 @@ static bool texts_differ(const char *a, const char *b)
     return a[0] != '\0' && b[0] != '\0' && strcmp(a, b) != 0;
 }
 
-static bool operator_ids_differ(const struct aircraft *aircraft)
+static bool operator_ids_differ(const struct aircraft *aircraft, int64_t now_us)
 {
-    return texts_differ(aircraft->operator_number[AIRCRAFT_SPEAKER_VEHICLE].number,
-                        aircraft->operator_number[AIRCRAFT_SPEAKER_GROUND].number);
+    const struct aircraft_operator_number *vehicle =
+        &aircraft->operator_number[AIRCRAFT_SPEAKER_VEHICLE];
+    const struct aircraft_operator_number *ground =
+        &aircraft->operator_number[AIRCRAFT_SPEAKER_GROUND];
+
+    return aircraft_still_said(vehicle->said_us, now_us) &&
+           aircraft_still_said(ground->said_us, now_us) &&
+           texts_differ(vehicle->number, ground->number);
 }
 
 /* An emergency is said as such. */
-static bool descriptions_differ(const struct aircraft *aircraft)
+static bool descriptions_differ(const struct aircraft *aircraft, int64_t now_us)
 {
     const struct aircraft_description *vehicle = &aircraft->description[AIRCRAFT_SPEAKER_VEHICLE];
     const struct aircraft_description *ground = &aircraft->description[AIRCRAFT_SPEAKER_GROUND];
 
     return vehicle->type != ODID_DESC_TYPE_EMERGENCY && ground->type != ODID_DESC_TYPE_EMERGENCY &&
+           aircraft_still_said(vehicle->said_us, now_us) &&
+           aircraft_still_said(ground->said_us, now_us) &&
            texts_differ(vehicle->text, ground->text);
 }
 
@@ -294,7 +314,7 @@ void aircraft_condition(const struct aircraft *aircraft, int64_t now_us,
     condition->operator_id_conflict = config->operator_id[0] != '\0' && said->number[0] != '\0' &&
                                       strcmp(config->operator_id, said->number) != 0;
     condition->operator_ids_differ =
-        config->operator_id[0] == '\0' && operator_ids_differ(aircraft);
+        config->operator_id[0] == '\0' && operator_ids_differ(aircraft, now_us);
     condition->descriptions_differ =
-        config->description[0] == '\0' && descriptions_differ(aircraft);
+        config->description[0] == '\0' && descriptions_differ(aircraft, now_us);
 }

@@ -217,13 +217,14 @@ static void try_again(struct bluetooth_adapter *adapter, int64_t now_us)
         return;
     }
     adapter->again_us = LOOP_NEVER;
+    if (adapter->maximum_data < adapter->maximum_said) {
+        adapter->trying_from = adapter->maximum_data;
+        adapter->maximum_data = adapter->maximum_said;
+    }
     if (is_unable(adapter) || adapter->parameters_refused) {
         adapter->step = STEP_FEATURES;
     } else if (long_range->radio != NULL && !long_range->possible) {
         command(adapter, BLUETOOTH_READ_FEATURES, NULL, 0, now_us); /* which disturbs nothing */
-    } else {
-        adapter->trying_from = adapter->maximum_data;
-        adapter->maximum_data = adapter->maximum_said;
     }
 }
 

@@ -89,6 +89,9 @@ static const char *channel_advice(enum channel channel, enum radio_state state)
     case RADIO_LOST:
         return "It stopped answering and is being set up again. If this lasts a minute, switch "
                "power off and on.";
+    case RADIO_UNSUPPORTED:
+        return "Its controller refuses it by now: another program may hold it. If this lasts, "
+               "switch power off and on.";
     default:
         return "It is being set up. If this lasts longer than 10 s, read the log, then switch "
                "power off and on.";
@@ -318,6 +321,10 @@ static void judge_altitudes(struct health *health, const struct health_input *in
     if (!location->position_fresh) {
         return;
     }
+    if (input->condition->altitude_apart) {
+        judge_operator_altitude(health, input);
+        return; /* why they are unknown is said */
+    }
     if (input->condition->armed && isnan(location->height_m)) {
         WARNING("Arm with a GNSS fix, or let the autopilot send HOME_POSITION on this port "
                 "(docs/autopilots.md).",
@@ -400,7 +407,7 @@ static void judge_data(struct health *health, const struct health_input *input)
         WARNING(input->signs
                     ? "It signs its frames, and takes no others: switch MAVLink signing off "
                       "on this port, or ARM_STATUS reaches nobody."
-                    : "Nothing of ours was ever answered: look at the cable's other wire, and "
+                    : "Nothing of ours is answered: look at the cable's other wire, and "
                       "for signing. ARM_STATUS reaches nobody.",
                 "autopilot hears nothing of us");
     }

@@ -45,7 +45,7 @@ struct health_input {
     bool filter_logging;        /* the system-call filter only logs */
     bool realtime;              /* real-time priority was granted */
     bool contradicted;          /* two sources speak as the autopilot */
-    bool unheard;               /* the autopilot has never answered */
+    bool unheard;               /* the autopilot doesn't answer */
     bool signs;                 /* and signs its frames */
     bool updating;              /* the appliance's software is being replaced, or on trial */
 };

@@ -6,6 +6,7 @@
 /* A daemon that ended earlier than this after its start "ended at once". Its first sign of life
  * comes before anything of its is on the air: one that it gives later says that something is. */
 #define AT_ONCE_US 1000000
+#define SPEAKS_AGAIN_US 1500000
 /* Two deaths by the filter within this time are no accident. */
 #define FILTERED_WITHIN_US 60000000
 
@@ -82,6 +83,15 @@ static int64_t off_air_us(const struct keeper *keeper)
     }
     if (keeper->ending && keeper->state == KEEPER_DOWN) {
         return keeper->orderly ? INT64_MAX : 0; /* nobody comes after us */
+    }
+    /* The one that runs has spoken, and hasn't had the time to speak again: it may be sending. */
+    if (keeper->state == KEEPER_RUNNING && keeper->quick < 2 &&
+        keeper->alive_us > keeper->started_us) {
+        int64_t due_us = keeper->started_us + AT_ONCE_US + SPEAKS_AGAIN_US;
+
+        return due_us > keeper->on_air_us + keeper->off_air_us
+                   ? due_us
+                   : keeper->on_air_us + keeper->off_air_us;
     }
     return keeper->on_air_us + keeper->off_air_us;
 }

@@ -213,8 +213,13 @@ static void keep_channels(void)
     }
 }
 
+/* Not on the ground: there a channel may have been configured away. */
 static void restore_channels(void)
 {
+    if (self.kept.armed != KEPT_ARMED) {
+        memset(self.kept.on_air, 0, sizeof(self.kept.on_air));
+        return;
+    }
     for (enum channel channel = 0; channel < CHANNELS; channel++) {
         self.radios[channel].was_on_air = self.kept.on_air[channel];
     }

@@ -300,7 +300,10 @@ static void give_up(int64_t now_us)
 static void roll_back(int64_t now_us)
 {
     snprintf(self.reason, sizeof(self.reason), "%s", self.update.sentence);
-    keep_reason(); /* first: power may fail now (was_given_up) */
+    if (strcmp(offered_version(), self.version) != 0) {
+        give_up(now_us); /* first: was_given_up knows it by its own name only */
+    }
+    keep_reason(); /* before that: power may fail now (was_given_up) */
     give_up(now_us);
 }
 

@@ -67,7 +67,7 @@ void odidctl_set_fault(const char *directory, const char *name, const char *sent
 struct json_object *odidctl_wrong(const struct odidctl_places *places);
 
 /* What is wrong and wasn't before, once what was started again has had its time: a second if
- * nothing is, five otherwise. out: a sentence, or "". */
+ * nothing is, fifteen otherwise. out: a sentence, or "". */
 void odidctl_wrong_since(const struct odidctl_places *places, struct json_object *before, char *out,
                          size_t size);
 

@@ -6,8 +6,9 @@
 
 #include "odidctl.h"
 
-/* The daemon is started again, and hears its autopilot within a second. */
-#define PATIENCE_MS 5000
+/* The daemon is started again, and hears its autopilot within a second; of several ports the right
+ * one is found within ten. */
+#define PATIENCE_MS 15000
 #define STEADY_MS 1000
 #define LOOK_MS 200
 

@@ -26,7 +26,8 @@ struct renamed {
     uint8_t system; /* 0: none */
     uint8_t sequence;
     int64_t heard_us;
-    bool same_numbers; /* from the vehicle's last frame on */
+    bool same_numbers; /* from the vehicle's last frame on, ... */
+    bool apart;        /* ... from which whoever speaks under the old id doesn't go on */
     unsigned same_clock;
 };
 
@@ -231,6 +232,7 @@ static void watch_renamed(struct telemetry *telemetry, const mavlink_message_t *
         return;
     }
     renamed->same_clock = (alive ? renamed->same_clock : 0) + (clock == CLOCK_SAME);
+    renamed->apart = alive && renamed->apart;
     renamed->same_numbers = follows;
     renamed->system = message->sysid;
     renamed->sequence = message->seq;
@@ -242,9 +244,28 @@ static bool is_renamed_for_sure(const struct telemetry *telemetry, int64_t now_u
 {
     const struct renamed *renamed = &telemetry->renamed;
 
-    return renamed->system != 0 && renamed->same_numbers &&
+    return renamed->system != 0 && renamed->same_numbers && renamed->apart &&
            renamed->same_clock >= RENAMED_FOR_SURE &&
            now_us - renamed->heard_us < RENAMED_SILENT_US;
+}
+
+/* A frame under the vehicle's own number. Whose number goes on is the vehicle, and a neighbour's
+ * was the same by chance. */
+static void watch_old_number(struct telemetry *telemetry, const mavlink_message_t *message,
+                             int64_t now_us)
+{
+    struct renamed *renamed = &telemetry->renamed;
+    uint8_t step = (uint8_t)(message->seq - telemetry->latest.seq);
+    bool goes_on = step >= 1 && step <= RENAMED_LOST_MAX;
+
+    if (!renamed->same_numbers || (!renamed->apart && goes_on)) {
+        renamed->system = 0;
+    } else {
+        renamed->apart = true;
+    }
+    if (is_renamed_for_sure(telemetry, now_us)) {
+        belief_another_speaks(&telemetry->belief, now_us);
+    }
 }
 
 static void rename_vehicle(struct telemetry *telemetry, uint8_t system_id)
@@ -335,13 +356,9 @@ static void take_frame(struct telemetry *telemetry, unsigned stream,
             telemetry->vehicle.spoke || message->msgid != MAVLINK_MSG_ID_HEARTBEAT;
         belief_sequence(&telemetry->belief, message->seq, same_frame(message, &telemetry->latest),
                         now_us);
+        watch_old_number(telemetry, message, now_us);
         telemetry->latest = *message;
         telemetry->latest_us = now_us;
-        if (is_renamed_for_sure(telemetry, now_us)) {
-            belief_another_speaks(&telemetry->belief, now_us);
-        } else if (!telemetry->renamed.same_numbers) {
-            telemetry->renamed.system = 0;
-        }
         telemetry->vehicle_stream = (int)stream;
     } else if (message->compid == MAV_COMP_ID_AUTOPILOT1 && message->sysid != 0 &&
                telemetry->vehicle_stream == (int)stream &&

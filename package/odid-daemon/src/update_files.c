@@ -141,7 +141,7 @@ static void take_services(struct json_object *array, struct update_services *ser
 int update_read_record(const char *data, struct update_record *record)
 {
     char path[PATH_SIZE], slot[2], *content;
-    struct json_object *object, *channels;
+    struct json_object *object, *channels, *from_server;
     size_t length;
 
     memset(record, 0, sizeof(*record));
@@ -160,7 +160,9 @@ int update_read_record(const char *data, struct update_record *record)
     record->slot = slot[0];
     take_text(object, "from", record->from, sizeof(record->from));
     take_text(object, "to", record->to, sizeof(record->to));
-    record->from_server = json_object_get_boolean(json_object_object_get(object, "from_server"));
+    /* A version before this one didn't say whose it was. */
+    from_server = json_object_object_get(object, "from_server");
+    record->from_server = from_server == NULL || json_object_get_boolean(from_server);
     channels = json_object_object_get(object, "channels");
     record->channels_known = channels != NULL;
     record->channels = (unsigned)json_object_get_int(channels);

@@ -133,6 +133,22 @@ static void two_that_are_no_serial_numbers_have_a_place_each(void **state)
     assert_id(1, 2, 4, "SE-123", SOURCE_NATIVE);
 }
 
+/* Somebody has corrected the type: the old one isn't said any more. */
+static void an_identity_of_a_type_that_was_corrected_is_gone(void **state)
+{
+    (void)state;
+    native_id(2, 4, "SE-123");
+    for (unsigned i = 0; i < 40; i++) {
+        fly(1);
+        native_id(3 + i / 20, 4, "SE-123"); /* and again */
+    }
+    fly(15);
+    native_id(4, 4, "SE-123");
+    look();
+    assert_int_equal(view.basic_ids, 1);
+    assert_id(0, 4, 4, "SE-123", SOURCE_NATIVE);
+}
+
 /* Nothing is configured, and two say something else: the autopilot's goes out, and it is told. */
 static void what_two_say_differently_is_told(void **state)
 {
@@ -150,6 +166,13 @@ static void what_two_say_differently_is_told(void **state)
     assert_true(condition.operator_ids_differ && condition.descriptions_differ);
     assert_string_equal(view.description, "sea rescue");
     assert_string_equal(view.operator_id, "FIN87astrdge12k8");
+    fly(11); /* the ground station has gone */
+    native_operator("FIN87astrdge12k8");
+    native_description(0, "sea rescue");
+    look();
+    assert_false(condition.operator_ids_differ || condition.descriptions_differ);
+    description_by_ground(0, "survey");
+    operator_by_ground("SWE87astrdge12k8");
     strcpy(config.operator_id, "FIN87astrdge12k8");
     strcpy(config.description, "sea rescue");
     look();
@@ -618,6 +641,7 @@ int main(void)
         cmocka_unit_test_setup(impossible_pages_are_ignored, begin_setup),
         cmocka_unit_test_setup(authentication_ends_by_silence, begin_setup),
         cmocka_unit_test_setup(two_that_are_no_serial_numbers_have_a_place_each, begin_setup),
+        cmocka_unit_test_setup(an_identity_of_a_type_that_was_corrected_is_gone, begin_setup),
         cmocka_unit_test_setup(what_two_say_differently_is_told, begin_setup),
     };
 

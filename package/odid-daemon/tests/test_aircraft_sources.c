@@ -521,6 +521,19 @@ static void an_altitude_may_differ_from_the_receivers(void **state)
     }
 }
 
+/* Air of -10 degrees, where a barometer that believes in 25 is off by an eighth of the height. */
+static void a_high_flight_in_cold_air_keeps_its_altitude(void **state)
+{
+    (void)state;
+    for (unsigned i = 0; i < 300; i++) {
+        sim.relative_m += 5;
+        sim.altitude_m += 5;
+        sim.gps_altitude_m = 84 + sim.relative_m * 0.87;
+        fly(1);
+        assert_near(view.location.altitude_geodetic_m, sim.altitude_m + 36.4);
+    }
+}
+
 /* Native alone, above the sea where it should be above the ellipsoid, or as if it were in feet. */
 static void a_native_altitude_where_its_receiver_is_not_is_unknown(void **state)
 {
@@ -640,6 +653,7 @@ int main(void)
         cmocka_unit_test_setup(a_receiver_that_repeats_itself_has_no_fix, begin_setup),
         cmocka_unit_test_setup(an_altitude_where_its_receiver_is_not_is_unknown, begin_setup),
         cmocka_unit_test_setup(an_altitude_may_differ_from_the_receivers, begin_setup),
+        cmocka_unit_test_setup(a_high_flight_in_cold_air_keeps_its_altitude, begin_setup),
         cmocka_unit_test_setup(a_native_altitude_where_its_receiver_is_not_is_unknown, begin_setup),
         cmocka_unit_test_setup(delays_that_end_do_not_bend_utc, begin_setup),
         cmocka_unit_test_setup(an_inverted_vertical_speed_is_set_right_and_said, begin_setup),

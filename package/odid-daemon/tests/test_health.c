@@ -439,6 +439,10 @@ static void each_contradiction_is_told_alone(void **state)
         expect_one(told[i].severity, told[i].reason);
         *told[i].field = false;
     }
+    condition->altitude_apart = condition->armed = true; /* and nothing else is said of the two */
+    fixture.view.location.altitude_geodetic_m = fixture.view.location.height_m = NAN;
+    expect_one(HEALTH_WARNING, "altitude differs from GNSS");
+    condition->altitude_apart = condition->armed = false;
     condition->apart = true;
     fixture.view.location.position_fresh = false;
     expect_one(HEALTH_FAULT, "position differs from GNSS");

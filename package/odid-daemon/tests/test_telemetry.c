@@ -547,10 +547,54 @@ static void a_neighbour_is_not_the_same_under_another_number(void **state)
                          : some_position(OTHER_VEHICLE, AUTOPILOT));
         }
         assert_int_equal(telemetry_vehicle(telemetry), VEHICLE);
-        /* One that goes on with its numbers and its clock is the autopilot: then somebody else
-         * speaks under the old one. */
-        assert_int_equal(telemetry_contradicted(telemetry, now_us), how == 2);
+        assert_false(telemetry_contradicted(telemetry, now_us));
     }
+}
+
+/* A frame with a number of its sender's own. */
+#define NUMBERED(number, frame)                                                                    \
+    (mavlink_get_channel_status(MAVLINK_COMM_0)->current_tx_seq = (number)++, frame)
+
+/* Switched on in the same second, with numbers that follow the vehicle's now and then. */
+static void nor_is_one_with_the_same_clock(void **state)
+{
+    uint8_t own = 250, others = 0;
+
+    (void)state;
+    for (unsigned i = 0; i < 300; i++) {
+        now_us += SECOND / 5;
+        feed(NUMBERED(own, some_position(VEHICLE, AUTOPILOT)));
+        if (i % 5 == 0) {
+            feed(NUMBERED(own, autopilot_heartbeat(VEHICLE)));
+        }
+        if (i % 2 == 0) {
+            feed(NUMBERED(others, some_position(OTHER_VEHICLE, AUTOPILOT)));
+        }
+        assert_false(telemetry_contradicted(telemetry, now_us));
+    }
+    assert_int_equal(telemetry_vehicle(telemetry), VEHICLE);
+}
+
+/* The autopilot is given another number, and somebody speaks on under the old one: the clock is
+ * copied, and its numbers on that line nobody else knows. */
+static void who_speaks_on_under_the_old_number_is_found_out(void **state)
+{
+    uint8_t own, forged = 100;
+
+    (void)state;
+    speaks(VEHICLE, 25, SECOND / 5);
+    own = mavlink_get_channel_status(MAVLINK_COMM_0)->current_tx_seq;
+    forged = (uint8_t)(own + 100);
+    for (unsigned i = 0; i < 50; i++) {
+        now_us += SECOND / 5;
+        feed(NUMBERED(own, some_position(OTHER_VEHICLE, AUTOPILOT)));
+        feed(NUMBERED(forged, some_position(VEHICLE, AUTOPILOT)));
+        if (i % 5 == 0) {
+            feed(NUMBERED(forged, autopilot_heartbeat(VEHICLE)));
+        }
+        assert_true(i < 20 || telemetry_contradicted(telemetry, now_us));
+    }
+    assert_int_equal(telemetry_vehicle(telemetry), VEHICLE);
 }
 
 static void one_that_flies_takes_no_place_at_all(void **state)
@@ -674,6 +718,8 @@ int main(void)
         cmocka_unit_test_setup(an_autopilot_with_another_number_is_the_same, setup),
         cmocka_unit_test_setup(it_is_the_same_whatever_happens_meanwhile, setup),
         cmocka_unit_test_setup(a_neighbour_is_not_the_same_under_another_number, setup),
+        cmocka_unit_test_setup(nor_is_one_with_the_same_clock, setup),
+        cmocka_unit_test_setup(who_speaks_on_under_the_old_number_is_found_out, setup),
         cmocka_unit_test_setup(one_that_flies_takes_no_place_at_all, setup),
         cmocka_unit_test_setup(the_first_vehicle_has_its_place_back_when_it_returns, setup),
         cmocka_unit_test_setup(who_took_off_here_gives_way_to_nobody_who_was_only_expected, setup),
