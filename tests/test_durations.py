@@ -56,3 +56,16 @@ def test_a_sleep_in_c_is_named(tmp_path, function, status):
     result = subprocess.run([sys.executable, CHECK, path], cwd=tmp_path, capture_output=True, text=True)
     assert result.returncode == status, result.stdout
     assert status == 0 or f"{path}:3: a sleep" in result.stdout
+
+
+@pytest.mark.parametrize("line, status", [
+    ("assert_true(loop_now_us() - begun_us < 600000);", 1),
+    ("assert_in_range(loop_now_us() - begun_us, 0, 5);", 1),
+    ("assert_true(in_time(loop_now_us() - begun_us, 0, 5));", 0),
+    ("assert_true(loop_now_us() - begun_us >= 600000);", 0)])
+def test_a_duration_in_c_is_judged_where_that_is_wanted(tmp_path, line, status):
+    path = tmp_path / "test_some.c"
+    path.write_text(f"static void test_it(void **state)\n{{\n    {line}\n}}\n")
+    result = subprocess.run([sys.executable, CHECK, path], cwd=tmp_path, capture_output=True, text=True)
+    assert result.returncode == status, result.stdout
+    assert status == 0 or f"{path}:3: a duration" in result.stdout

