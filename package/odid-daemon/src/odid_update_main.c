@@ -671,7 +671,8 @@ static void resume(bool first, int64_t now_us)
         if (recorded) {
             explain_fallback(fallback);
         }
-        settle(report(UPDATE_REPORT_FAILED));
+        /* Without a record it was rolled back by us, and what its server is told stands there. */
+        settle(recorded ? report(UPDATE_REPORT_FAILED) : UPDATE_REPORT_AS_IT_IS);
     } else {
         if (recorded && self.record.slot == self.running) {
             keep(UPDATE_INSTALLED, self.version, "Version %s is installed.", self.version);
@@ -681,7 +682,7 @@ static void resume(bool first, int64_t now_us)
                  "The update was broken off, by power or a restart; nothing has changed.");
         }
         if (variables->restarts != 0) {
-            settle(UPDATE_REPORT_NOTHING); /* we came up */
+            settle(UPDATE_REPORT_AS_IT_IS); /* we came up */
         }
     }
 }

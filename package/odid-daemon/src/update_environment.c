@@ -202,7 +202,7 @@ static void set_report(struct uboot_ctx *context, enum update_report report)
 {
     char *state = libuboot_get_env(context, "ustate"), value[2] = {(char)report, '\0'};
 
-    if (state != NULL) {
+    if (state != NULL && report != UPDATE_REPORT_AS_IT_IS) {
         libuboot_set_env(context, "ustate", value);
     }
     free(state);

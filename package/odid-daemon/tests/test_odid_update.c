@@ -103,7 +103,7 @@ int update_variables_write(const char *config, const struct update_variables *va
                            enum update_report report)
 {
     (void)config;
-    board.report = (char)report;
+    board.report = report == UPDATE_REPORT_AS_IT_IS ? board.report : (char)report;
     board.variables = *variables;
     return 0;
 }
@@ -507,6 +507,10 @@ static void a_server_is_told_of_its_own_updates_only(void **state)
         slot_b_is_on_trial_from(source);
         board.bt5 = "absent";
         pass(70);
+        assert_int_equal(board.report, told ? UPDATE_REPORT_FAILED : UPDATE_REPORT_NOTHING);
+        put(STATE "/slot", "a\n"); /* and the board has started the one before */
+        put(VERSION_FILE, "1.0.0\n");
+        begin(true);
         assert_int_equal(board.report, told ? UPDATE_REPORT_FAILED : UPDATE_REPORT_NOTHING);
 
         setup(state); /* U-Boot has given it up */
