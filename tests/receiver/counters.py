@@ -25,10 +25,10 @@ def check_counters(track: Track, findings: Findings, judge_lost: bool, lost_marg
     before: dict[int, Heard] = {}  # by message type
     contents: dict[tuple, bytes] = {}  # newest by message type and kind
     for heard in track.heard:
-        key = _counter_key(heard)
-        name = "pack" if is_pack(heard.body) else heard.messages[0].type_name
+        first = heard.messages[0]
+        key, name, content_key = (0xF, "pack", 0xF) if is_pack(heard.body) else (
+            first.type_number, first.type_name, first.content_key)
         last = before.get(key)
-        content_key = key if is_pack(heard.body) else heard.messages[0].content_key
         changed = contents.get(content_key, heard.body) != heard.body
         contents[content_key] = heard.body
         before[key] = heard
@@ -49,7 +49,3 @@ def check_counters(track: Track, findings: Findings, judge_lost: bool, lost_marg
                     f"{name}: {step - 1} payload{'s' if step > 2 else ''} lost: set by the transmitter, never sent",
                     f"counter {(last.counter + 1) % 256}", f"counter {heard.counter}")
     return lost_total
-
-
-def _counter_key(heard: Heard) -> int:
-    return 0xF if is_pack(heard.body) else heard.messages[0].type_number

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import bisect
 import math
+import operator
 import statistics
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -29,6 +30,7 @@ GNSS_TOLERANCE_S = 1.1  # ... by the transmitter's clock, of what was heard in b
 DECIDING_SECONDS = 3  # so many tell that the vertical speed is upside down ...
 DECIDING_TOLERANCE_S = 2.0  # ... to a transmitter whose seconds begin at other instants
 POSITION_MESSAGES = ("GLOBAL_POSITION_INT", "OPEN_DRONE_ID_LOCATION")
+_FIRST, _MONO = operator.itemgetter(0), operator.attrgetter("mono")
 RECEIVER_MESSAGES = ("GPS_RAW_INT", "GPS2_RAW")  # the first one's, and a second one's
 
 
@@ -77,7 +79,8 @@ class FlightLog:
     gnss_found: dict[float, bool | None] = field(default_factory=dict)  # has_gnss, once the log is whole
 
     def newest_fix(self, mono: float, source: str | None = None) -> Fix | None:
-        for fix in reversed(self.fixes[:bisect.bisect_right(self.fixes, mono, key=lambda f: f.mono)]):
+        for at in range(bisect.bisect_right(self.fixes, mono, key=_MONO) - 1, -1, -1):
+            fix = self.fixes[at]
             if not fix.out_of_order and fix.has_gnss is not False and (source is None or fix.source == source):
                 return fix
         return None
@@ -92,8 +95,8 @@ class FlightLog:
 
     def _gnss_at(self, mono: float) -> bool:
         newest: dict[str, int] = {}
-        for said_mono, fix_type, whose in reversed(
-                self.fix_types[:bisect.bisect_right(self.fix_types, mono, key=lambda f: f[0])]):
+        for at in range(bisect.bisect_right(self.fix_types, mono, key=_FIRST) - 1, -1, -1):
+            said_mono, fix_type, whose = self.fix_types[at]
             if mono - said_mono >= GNSS_FRESH_S:
                 break
             newest.setdefault(whose, fix_type)
@@ -104,8 +107,8 @@ class FlightLog:
     def undulations_near(self, start_mono: float, end_mono: float) -> set[float | None]:
         """Ellipsoid minus sea level that a transmitter may have used for a fix that came
         at `start_mono` and was heard at `end_mono`; None: unknown."""
-        first = max(0, bisect.bisect_right(self.undulations, start_mono, key=lambda u: u[0]) - 1)
-        last = bisect.bisect_right(self.undulations, end_mono, key=lambda u: u[0])
+        first = max(0, bisect.bisect_right(self.undulations, start_mono, key=_FIRST) - 1)
+        last = bisect.bisect_right(self.undulations, end_mono, key=_FIRST)
         found = {value for _, value in self.undulations[first:last]}
         if not self.undulations or start_mono < self.undulations[0][0]:
             found.add(None)
@@ -132,7 +135,7 @@ class FlightLog:
         decided = [edge for edge in edges if edge <= fix.mono - 0.5]
         heights = set() if decided else {fix.relative_altitude_m}
         for edge in (decided[-1:] + [edge for edge in edges if edge > fix.mono - 0.5]):
-            at = bisect.bisect_right(self.fixes, edge, key=lambda f: f.mono)
+            at = bisect.bisect_right(self.fixes, edge, key=_MONO)
             for zero in self.fixes[max(0, at - 2):at + 1]:  # the edge may overtake a position
                 if zero.altitude_msl_m is not None:
                     heights.add(fix.altitude_msl_m - zero.altitude_msl_m)
@@ -241,9 +244,9 @@ def _complete(log: FlightLog) -> None:
     """UTC of each fix, and which fix is the next newer one."""
     newest: dict[str, Fix] = {}
     for fix in log.fixes:
-        at = bisect.bisect_right(log.system_times, fix.mono, key=lambda s: s[0])
+        at = bisect.bisect_right(log.system_times, fix.mono, key=_FIRST)
         # Of another boot it says nothing.
-        first = 0 if fix.first_boot else bisect.bisect_right(log.system_times, fix.booted_mono, key=lambda s: s[0])
+        first = 0 if fix.first_boot else bisect.bisect_right(log.system_times, fix.booted_mono, key=_FIRST)
         boot_unix_s = log.system_times[max(first, at - 1)][1] if first < len(log.system_times) else None
         if fix.boot_ms is not None and boot_unix_s is not None:
             fix.unix_s = boot_unix_s + fix.boot_ms / 1000

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bisect
+import operator
 import struct
 from dataclasses import dataclass, field
 
@@ -74,7 +75,7 @@ class _Index:
             if timed:  # the same fix may have been played twice: then it was new the first time
                 return min(timed, key=lambda fix: (round(abs(hour_difference_s(hour_s, fix.hour_s)), 3), fix.mono))
         near = self._near(latitude_e7, longitude_e7)
-        played = bisect.bisect_right(near, until_mono, key=lambda fix: fix.mono)
+        played = bisect.bisect_right(near, until_mono, key=operator.attrgetter("mono"))
         in_order = next((fix for fix in reversed(near[:played]) if not fix.out_of_order), None)
         return in_order or (near[played - 1] if played else None)
 
@@ -92,8 +93,10 @@ def _compare_system_time(track: Track, log: FlightLog, findings: Findings) -> No
     checked_raw = None
     for heard, system in track.of_type("system"):
         mono = heard.reception.mono
-        at = bisect.bisect_right(log.utc, mono, key=lambda s: s[0])
-        if system.raw == checked_raw or log.time_known_mono is None or not at or mono < log.time_known_mono + SYSTEM_S:
+        if system.raw == checked_raw or log.time_known_mono is None or mono < log.time_known_mono + SYSTEM_S:
+            continue
+        at = bisect.bisect_right(log.utc, mono, key=operator.itemgetter(0))
+        if not at:
             continue
         checked_raw = system.raw
         utc_s = log.utc[at - 1][1] + mono - log.utc[at - 1][0]

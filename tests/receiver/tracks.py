@@ -24,22 +24,21 @@ class Track:
     address: str
     heard: list[Heard] = field(default_factory=list)
     _of_type: dict[str, list[tuple[Heard, Message]]] = field(default_factory=dict)
+    _newer: list[tuple[Heard, Location]] = field(default_factory=list)
 
     def add(self, heard: Heard) -> None:
         self.heard.append(heard)
         for message in heard.messages:
             self._of_type.setdefault(message.type_name, []).append((heard, message))
+            if isinstance(message, Location) and (not self._newer or is_newer(self._newer[-1][1], message)):
+                self._newer.append((heard, message))
 
     def of_type(self, name: str) -> list[tuple[Heard, Message]]:
         return self._of_type.get(name, [])
 
     def newer_locations(self) -> list[tuple[Heard, Location]]:
         """The receptions that brought a newer Location than all before them."""
-        newer: list[tuple[Heard, Location]] = []
-        for heard, location in self.of_type("location"):
-            if not newer or is_newer(newer[-1][1], location):
-                newer.append((heard, location))
-        return newer
+        return self._newer
 
 
 def hour_difference_s(later_s: float, earlier_s: float) -> float:

@@ -1,5 +1,6 @@
 """A MODEL of an autopilot: plays a log of frames, by the world's clock, and heeds nothing that it is told."""
 
+import copy
 import functools
 import json
 from collections import namedtuple
@@ -10,20 +11,33 @@ from pymavlink.dialects.v20 import common
 
 # What the daemon says of itself: CLOCK_MONOTONIC in seconds, whether it is good to arm, and otherwise why not.
 ArmStatus = namedtuple("ArmStatus", "mono good reason")
+# fields: what the judge compares the air with, in JSON but for its opening brace; None: nothing.
+Frame = namedtuple("Frame", "at_s octets fields")
 
 
-prepare = functools.lru_cache(maxsize=16)(player.prepare)
+@functools.lru_cache(maxsize=16)
+def prepare(flight):
+    return [Frame(at_s, frame, fields_of(record)) for at_s, frame, record in player.prepare(flight, 0, None)]
+
+
+def fields_of(record):
+    return json.dumps(record)[1:] if record else None
+
+
+@functools.lru_cache(maxsize=100_000)
+def decoded(frame):
+    message, = tlog.Decoder().messages(frame)
+    return message
 
 
 class Autopilot:
-    """frames: host/player.py's, (seconds, frame, record or None). said: each ARM_STATUS that came. connect(on_octets): its
-    line to the daemon, a world.Device or world.Port.
+    """said: each ARM_STATUS that came. connect(on_octets): its line to the daemon, a world.Device or world.Port.
 
     rewrite(message) may change what it says, or return False: it isn't said."""
 
     def __init__(self, world, connect, flight, played):
         self.world = world
-        self.frames = prepare(flight, 0, None)
+        self.frames = prepare(flight)
         self.played = open(played, "w", encoding="utf-8")
         self.silent = False
         self.rewrite = None
@@ -40,23 +54,23 @@ class Autopilot:
                 self.said.append(ArmStatus(self.world.now_us / 1e6, message.status == 0, message.error))
 
     def _play(self):
-        _, frame, record = self.frames[self._next]
+        _, octets, fields = self.frames[self._next]
         if self.rewrite or self._clock_ms:
-            frame, record = self._rewritten(frame, record)
-        if frame and not self.silent and self.device.send(frame) and record:
-            self.played.write(json.dumps({"time": self.world.unix_s, "mono": self.world.now_us / 1e6} | record) + "\n")
+            octets, fields = self._rewritten(octets, fields)
+        if octets and not self.silent and self.device.send(octets) and fields:
+            self.played.write(f'{{"time": {self.world.unix_s!r}, "mono": {self.world.now_us / 1e6!r}, {fields}\n')
         self._next += 1
         if self._next < len(self.frames):
-            self.world.at(self._begun_us + round(self.frames[self._next][0] * 1e6), self._play)
+            self.world.at(self._begun_us + round(self.frames[self._next].at_s * 1e6), self._play)
 
-    def _rewritten(self, frame, record):
-        message, = tlog.Decoder().messages(frame)
+    def _rewritten(self, octets, fields):
+        message = copy.copy(decoded(octets))
         if self.rewrite and self.rewrite(message) is False:
             return None, None
         if hasattr(message, "time_boot_ms"):
             message.time_boot_ms -= self._clock_ms
         self._link.seq = message.get_seq()
-        return message.pack(self._link), tlog.as_record(message) if record else None
+        return message.pack(self._link), fields_of(tlog.as_record(message)) if fields else None
 
     def start_again(self):
         """Its clock begins at 0."""

@@ -277,11 +277,11 @@ def status_is_true(flight, heard):
         off = [channel for channel, said in answer["channels"].items() if said["required"] and said["state"] != "on air"]
         if answer["on_air"] and off:
             yield f"\"on air\" at {at_s:.3f} s, and {', '.join(off)} isn't"
-        parts = {one.fault.part for one in flight.windows if one.begin_s < at_s < one.back_s + one.fault.limit_s}
-        lasting = {one.fault.part for one in flight.windows if one.fault.meanwhile_s == math.inf and
-                   one.begin_s + GOOD_S + doubt_s(flight, one) + lateness_s(flight) < at_s < one.back_s}
+        lasting = {one.fault.part for one in flight.windows if one.begin_s < at_s < one.back_s and
+                   one.fault.meanwhile_s == math.inf and
+                   one.begin_s + GOOD_S + doubt_s(flight, one) + lateness_s(flight) < at_s}
         reasons = [one["reason"] for one in answer["problems"]]
-        for part in lasting & parts & NAMED.keys():
+        for part in lasting & NAMED.keys():
             if not any(word in reason for word in NAMED[part] for reason in reasons):
                 yield f"{part} at {at_s:.3f} s, and the status names {', '.join(reasons) or 'nothing'}"
         if not something_was_wrong(flight, at_s) and not is_where_it_was_heard(heard, answer["position"], at_s):

@@ -9,6 +9,7 @@ from host.tlog import Decoder
 from pymavlink.dialects.v20 import common
 from receiver.messages import System
 
+from .autopilot import decoded
 from .flight import Flight
 from .world import START_US
 
@@ -164,8 +165,8 @@ def flight_s(heard):
 
 def real_ones(flight, at_s):
     """Where the autopilot said that it is, in the second and a half before."""
-    return [record for second, _, record in flight.autopilot.frames
-            if record and record["mavpackettype"] == "GLOBAL_POSITION_INT" and at_s - 1.5 <= second <= at_s]
+    near = [decoded(frame.octets) for frame in flight.autopilot.frames if at_s - 1.5 <= frame.at_s <= at_s]
+    return [message for message in near if message.get_type() == "GLOBAL_POSITION_INT"]
 
 
 def is_right(flight, at_s, message):
@@ -174,8 +175,8 @@ def is_right(flight, at_s, message):
         return not message.unix_s or abs(message.unix_s - START_UNIX_S - at_s) < 2
     real = real_ones(flight, at_s)
     return (abs(message.timestamp_s - START_UNIX_S % 3600 - at_s) < 2
-            and any(abs(message.latitude_deg * 1e7 - one["lat"]) < 30 * METRES_E7 for one in real)
-            and any(abs(message.geodetic_altitude_m - (one["alt"] + SEPARATION_MM) / 1000) < 20 for one in real))
+            and any(abs(message.latitude_deg * 1e7 - one.lat) < 30 * METRES_E7 for one in real)
+            and any(abs(message.geodetic_altitude_m - (one.alt + SEPARATION_MM) / 1000) < 20 for one in real))
 
 
 @pytest.mark.parametrize("quiet", [False, True], ids=["own_numbers", "fitting_numbers"])

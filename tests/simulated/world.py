@@ -63,7 +63,8 @@ class Program:
         self.deadline_us = None  # until when it waits; None: it runs
         self.hangs = False
         self.wakeups = 0
-        line.settimeout(patience.LIMIT_S)
+        for waiting in (socket.SO_RCVTIMEO, socket.SO_SNDTIMEO):  # settimeout() would ask the kernel twice each time
+            line.setsockopt(socket.SOL_SOCKET, waiting, struct.pack("ll", patience.LIMIT_S, 0))
 
     def take_turn(self):
         """It runs until it waits: Turn. Where it ends instead, None, and whoever started it has been told."""
@@ -74,6 +75,8 @@ class Program:
             said = self.line.recv(TURN.size)
         except ConnectionError:
             said = b""
+        except BlockingIOError:
+            raise TimeoutError(f"{self.name}, process {self.pid}: neither waits nor ends") from None
         if not said:
             self.bury()
             return None
@@ -251,8 +254,10 @@ class World:
             for descriptor, _ in self._poll.poll(0):
                 if descriptor in self._listeners:  # not closed by an earlier one
                     self._listeners[descriptor]()
-            due = min((one for one in self.programs if not one.hangs), key=lambda one: one.deadline_us, default=None)
-            due_us = due.deadline_us if due else NEVER_US
+            due, due_us = None, NEVER_US
+            for one in self.programs:
+                if one.deadline_us < due_us and not one.hangs:
+                    due, due_us = one, one.deadline_us
             while not self._told:
                 next_us = self._events[0][0] if self._events else until_us
                 if min(next_us, due_us) >= until_us:

@@ -50,6 +50,11 @@ int serial_open(const char *path, unsigned baud, bool flow_control)
     return ends[0];
 }
 
+void serial_close(int fd)
+{
+    close(fd);
+}
+
 /* How long its parameters must be; for extended data, at least. */
 static size_t length_of(uint16_t opcode)
 {

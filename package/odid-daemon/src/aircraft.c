@@ -204,16 +204,17 @@ static int place_of_id(const struct aircraft *aircraft, uint8_t id_type, int64_t
             return i;
         }
     }
-    if (ids[1].id_type == ODID_IDTYPE_NONE || ids[0].id_type == ODID_IDTYPE_NONE) {
-        return ids[1].id_type == ODID_IDTYPE_NONE ? 1 : 0;
+    for (int i = 1; i >= 0; i--) {
+        if (ids[i].id_type == ODID_IDTYPE_NONE) {
+            return i;
+        }
     }
-    if (now_us - ids[1].said_us >= AIRCRAFT_CORRECTED_US) {
-        return 1;
+    for (int i = 1; i >= 0; i--) {
+        if (aircraft_id_is_corrected(&ids[i], now_us)) {
+            return i;
+        }
     }
-    return ids[0].id_type != ODID_IDTYPE_SERIAL_NUMBER &&
-                   now_us - ids[0].said_us >= AIRCRAFT_CORRECTED_US
-               ? 0
-               : -1;
+    return -1;
 }
 
 static void take_basic_id(struct aircraft *aircraft, const struct telemetry_update *update,

@@ -237,7 +237,6 @@ void aircraft_take_system(struct aircraft *aircraft, const struct telemetry_upda
     bool undated = update->system.timestamp_2019_s == 0; /* then that it came has to do */
     bool moved = system->said_us == INT64_MIN || undated ||
                  update->system.timestamp_2019_s != system->timestamp_2019_s;
-
     bool known = !isnan(update->system.operator_latitude_deg) &&
                  !earth_is_near_zero(update->system.operator_latitude_deg,
                                      update->system.operator_longitude_deg);

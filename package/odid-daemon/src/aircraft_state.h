@@ -20,9 +20,6 @@
 #define AIRCRAFT_SPEAKER_KEPT_US 10000000
 /* Sixteen pages, one a second, come again within this time. */
 #define AIRCRAFT_AUTHENTICATION_KEPT_US 30000000
-/* Of two identities that are no serial number one may be the other's correction: then it isn't said
- * any more. */
-#define AIRCRAFT_CORRECTED_US 30000000
 
 /* A position as one source gave it last. */
 struct aircraft_fix {
@@ -209,6 +206,12 @@ double aircraft_geodetic_m(const struct aircraft *aircraft, const struct aircraf
 /* Positions a second: NAN before there were two, 0 when none came for 3 s. */
 double aircraft_rate_hz(const struct aircraft_rate *rate, int64_t now_us);
 
+/* ---- aircraft_view.c ---- */
+
+/* Another one stands instead of it: it is no serial number, and wasn't said for 30 s at that
+ * instant. */
+bool aircraft_id_is_corrected(const struct aircraft_native_id *id, int64_t at_us);
+
 /* ---- aircraft_receivers.c ---- */
 
 void aircraft_take_gps_raw(struct aircraft *aircraft, const struct telemetry_update *update,
@@ -220,7 +223,8 @@ void aircraft_forget_receivers(struct aircraft *aircraft);
 const struct aircraft_receiver *aircraft_receiver(const struct aircraft *aircraft, int64_t now_us);
 /* Does any of them say anything, if only that it has none? */
 bool aircraft_receivers_heard(const struct aircraft *aircraft, int64_t now_us);
-/* A receiver flies on, and this position has stayed somewhere else for 3 s. */
+/* A receiver flies on, and this position has stayed somewhere else for 12 s; for 3 s where it
+ * stands still. */
 bool aircraft_is_apart(const struct aircraft *aircraft, const struct aircraft_fix *fix,
                        int64_t now_us);
 /* The same of its altitude. */

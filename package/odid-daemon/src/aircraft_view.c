@@ -7,6 +7,10 @@
 
 #include "aircraft_state.h"
 
+/* Of two identities that are no serial number one may be the other's correction: then it isn't said
+ * any more. */
+#define CORRECTED_US 30000000
+
 /* ---- identity: what is configured speaks, native fills what isn't ---- */
 
 /* said: CONFIG_UA_TYPE_AUTO where nobody has. */
@@ -41,15 +45,18 @@ static bool has_id_type(const struct aircraft_view *view, uint8_t id_type)
     return false;
 }
 
-/* Two that are no serial number, and this one isn't said any more. */
+bool aircraft_id_is_corrected(const struct aircraft_native_id *id, int64_t at_us)
+{
+    return id->id_type != ODID_IDTYPE_SERIAL_NUMBER && at_us - id->said_us >= CORRECTED_US;
+}
+
+/* By the one beside it. */
 static bool is_corrected(const struct aircraft *aircraft, unsigned which)
 {
-    const struct aircraft_native_id *id = &aircraft->native_basic_id[which];
     const struct aircraft_native_id *other = &aircraft->native_basic_id[1 - which];
 
-    return id->id_type != ODID_IDTYPE_SERIAL_NUMBER && other->id_type != ODID_IDTYPE_NONE &&
-           other->id_type != ODID_IDTYPE_SERIAL_NUMBER &&
-           other->said_us - id->said_us >= AIRCRAFT_CORRECTED_US;
+    return other->id_type != ODID_IDTYPE_NONE && other->id_type != ODID_IDTYPE_SERIAL_NUMBER &&
+           aircraft_id_is_corrected(&aircraft->native_basic_id[which], other->said_us);
 }
 
 /* Where it is configured who this is, no native one stands beside it: ArduPilot passes on as its

@@ -4,7 +4,6 @@
 #include <poll.h>
 #include <stdbool.h>
 #include <stdint.h>
-#include <termios.h>
 #include <unistd.h>
 
 #include "framing.h"
@@ -61,8 +60,7 @@ static void let_go(unsigned number)
     struct pollfd *polled = &self.polled[number];
 
     if (polled->fd >= 0) {
-        tcflush(polled->fd, TCOFLUSH); /* close() waits 30 s for output that nobody takes */
-        close(polled->fd);
+        serial_close(polled->fd);
         polled->fd = -1;
     }
 }

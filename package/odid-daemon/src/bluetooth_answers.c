@@ -278,10 +278,12 @@ static void set_up_again(struct bluetooth_adapter *adapter, enum bluetooth_step 
 }
 
 /* More than before was tried. What was sent before goes on. */
-static void take_trial_answer(struct bluetooth_adapter *adapter, bool taken, int64_t now_us)
+static void end_trial(struct bluetooth_adapter *adapter, const struct answer *answer,
+                      int64_t now_us)
 {
-    adapter->trying_from = taken ? 0 : adapter->trying_from;
-    if (!taken && take_smaller_pack(adapter)) {
+    if (answer->status == BLUETOOTH_SUCCESS) {
+        adapter->trying_from = 0;
+    } else if (take_smaller_pack(adapter)) {
         try_again_later(adapter, now_us);
     }
     say_on_air(adapter, BLUETOOTH_LONG_RANGE, now_us);
@@ -296,10 +298,8 @@ static void take_data_answer(struct bluetooth_adapter *adapter, const struct ans
     bool sends = adapter->repair == STEP_ON_AIR && now_us >= adapter->repair_from_us;
 
     if (adapter->sending == BLUETOOTH_LONG_RANGE && is_trial(adapter)) {
-        bool taken = answer->status == BLUETOOTH_SUCCESS;
-
-        take_trial_answer(adapter, taken, now_us);
-        if (!taken) {
+        end_trial(adapter, answer, now_us);
+        if (answer->status != BLUETOOTH_SUCCESS) {
             return;
         }
     }

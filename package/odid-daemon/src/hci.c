@@ -8,7 +8,6 @@
 #include <sys/epoll.h>
 #include <sys/ioctl.h>
 #include <sys/uio.h>
-#include <termios.h>
 #include <unistd.h>
 
 #include "hci_kernel.h"
@@ -229,10 +228,12 @@ int hci_open(struct hci *hci, const char *adapter, hci_event_fn *on_event, hci_l
 
 void hci_close(struct hci *hci)
 {
-    if (hci->h4 && hci_is_open(hci)) {
-        tcflush(hci->watch.fd, TCOFLUSH); /* close() waits 30 s for one that holds CTS back */
+    int fd = hci->watch.fd;
+
+    loop_unwatch(&hci->watch);
+    if (fd >= 0) {
+        serial_close(fd);
     }
-    hci_finish(hci);
 }
 
 void hci_finish(struct hci *hci)
@@ -250,9 +251,10 @@ void hci_finish(struct hci *hci)
         poll(NULL, 0, 1);
     }
     if (unsent > 0) {
-        tcflush(fd, TCOFLUSH);
+        serial_close(fd);
+    } else {
+        close(fd); /* what was taken is on its way out */
     }
-    close(fd);
 }
 
 bool hci_is_open(const struct hci *hci)

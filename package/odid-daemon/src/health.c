@@ -321,18 +321,16 @@ static void judge_altitudes(struct health *health, const struct health_input *in
     if (!location->position_fresh) {
         return;
     }
-    if (input->condition->altitude_apart) {
-        judge_operator_altitude(health, input);
-        return; /* why they are unknown is said */
-    }
-    if (input->condition->armed && isnan(location->height_m)) {
-        WARNING("Arm with a GNSS fix, or let the autopilot send HOME_POSITION on this port "
-                "(docs/autopilots.md).",
-                "height above take-off unknown");
-    }
-    if (isnan(location->altitude_geodetic_m)) {
-        WARNING("GPS_RAW_INT doesn't say it: set this port to MAVLink 2 (docs/autopilots.md).",
-                "altitude above the ellipsoid unknown");
+    if (!input->condition->altitude_apart) { /* else why they are unknown is said */
+        if (input->condition->armed && isnan(location->height_m)) {
+            WARNING("Arm with a GNSS fix, or let the autopilot send HOME_POSITION on this port "
+                    "(docs/autopilots.md).",
+                    "height above take-off unknown");
+        }
+        if (isnan(location->altitude_geodetic_m)) {
+            WARNING("GPS_RAW_INT doesn't say it: set this port to MAVLink 2 (docs/autopilots.md).",
+                    "altitude above the ellipsoid unknown");
+        }
     }
     /* While the fix is lost, what is known of it is gone before the position is. */
     if (location->horizontal_accuracy == 0 && input->condition->fix_known) {

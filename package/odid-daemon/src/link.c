@@ -8,7 +8,6 @@
 #include <string.h>
 #include <sys/epoll.h>
 #include <sys/socket.h>
-#include <termios.h>
 #include <unistd.h>
 
 #include "inherited.h"
@@ -75,8 +74,7 @@ static void lose(const char *what, int error, int64_t now_us)
 
     loop_unwatch(&self.watch);
     if (fd >= 0) {
-        tcflush(fd, TCOFLUSH); /* or close may wait for output that nobody takes */
-        close(fd);
+        serial_close(fd);
     }
     loop_arm(&self.silence, LOOP_NEVER);
     loop_arm(&self.pause, LOOP_NEVER);

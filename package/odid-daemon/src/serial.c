@@ -73,3 +73,9 @@ int serial_open(const char *path, unsigned baud, bool flow_control)
     }
     return fd;
 }
+
+void serial_close(int fd)
+{
+    tcflush(fd, TCOFLUSH);
+    close(fd);
+}

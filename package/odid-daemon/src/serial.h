@@ -16,4 +16,8 @@ bool serial_baud_valid(unsigned baud);
  */
 int serial_open(const char *path, unsigned baud, bool flow_control);
 
+/* Closes it at once: close() waits 30 s for output that nobody takes, which is thrown away first.
+ */
+void serial_close(int fd);
+
 #endif

@@ -16,6 +16,8 @@
 #include "update_slot.h"
 #include "whole_file.h"
 
+#define TRIED DATA "/odid/.remembers"
+
 static void say_nothing(void *context, enum config_severity severity, const char *sentence)
 {
     (void)context;
@@ -32,8 +34,6 @@ static bool prevents_downgrade(void)
     config_read_file(&config, CONFIGURATION, say_nothing, NULL);
     return config.update_prevent_downgrade;
 }
-
-#define TRIED DATA "/odid/.remembers"
 
 /* Of what is rolled back a mark is kept, else a stick would bring it again and again. A disk that
  * has turned read-only may not have said so yet: it is tried. */

@@ -17,6 +17,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "own_folder.h"
+
 /* appliance_marks.h and update_places.h, here. */
 #define ODID_APPLIANCE_MARKS_H
 #define APPLIANCE_UPDATING "state/updating"
@@ -195,7 +197,6 @@ int kept_read(const char *directory, struct kept *kept)
 
 /* ---- how it begins ---- */
 
-static char folder[] = "/tmp/test_odid_update.XXXXXX";
 static int64_t now_us;
 static char answer[UPDATE_SENTENCE_SIZE];
 
@@ -284,16 +285,7 @@ static int setup(void **state)
 static int in_a_folder(void **state)
 {
     (void)state;
-    return mkdtemp(folder) == NULL || chdir(folder) < 0 || loop_init() < 0 ? -1 : 0;
-}
-
-static int out_of_it(void **state)
-{
-    char command[sizeof(folder) + 16];
-
-    (void)state;
-    snprintf(command, sizeof(command), "rm -rf %s", folder);
-    return chdir("/") < 0 || system(command) != 0 ? -1 : 0;
+    return enter_own_folder() < 0 || loop_init() < 0 ? -1 : 0;
 }
 
 /* ---- tests ---- */
@@ -616,5 +608,5 @@ int main(void)
         cmocka_unit_test_setup(who_arms_while_it_flushes_is_not_restarted, setup),
     };
 
-    return cmocka_run_group_tests_name("odid-update", tests, in_a_folder, out_of_it);
+    return cmocka_run_group_tests_name("odid-update", tests, in_a_folder, leave_own_folder);
 }

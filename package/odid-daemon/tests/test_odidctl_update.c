@@ -8,8 +8,8 @@
 #include <cmocka.h>
 
 #include "odidctl_update.c"
+#include "own_folder.h"
 
-static char folder[] = "/tmp/test_odidctl_update.XXXXXX";
 static const struct odidctl_places places = {.data = "data", .state = "state"};
 
 /* A file of that many octets is offered. */
@@ -60,19 +60,7 @@ static void after_two_of_them_none_is_tried_until_power_off(void **state)
 static int in_a_folder(void **state)
 {
     (void)state;
-    return mkdtemp(folder) == NULL || chdir(folder) < 0 ||
-                   system("mkdir -p data/odid state stick") != 0
-               ? -1
-               : 0;
-}
-
-static int out_of_it(void **state)
-{
-    char command[sizeof(folder) + 16];
-
-    (void)state;
-    snprintf(command, sizeof(command), "rm -rf %s", folder);
-    return chdir("/") < 0 || system(command) != 0 ? -1 : 0;
+    return enter_own_folder() < 0 || system("mkdir -p data/odid state stick") != 0 ? -1 : 0;
 }
 
 int main(void)
@@ -82,5 +70,5 @@ int main(void)
         cmocka_unit_test(after_two_of_them_none_is_tried_until_power_off),
     };
 
-    return cmocka_run_group_tests(tests, in_a_folder, out_of_it);
+    return cmocka_run_group_tests(tests, in_a_folder, leave_own_folder);
 }

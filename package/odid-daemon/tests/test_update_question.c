@@ -13,6 +13,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "own_folder.h"
+
 /* update_places.h, here. */
 #define ODID_UPDATE_PLACES_H
 #define DATA "data"
@@ -78,8 +80,6 @@ bool model_protect(char slot, bool protect)
 
 /* ---- how it begins ---- */
 
-static char folder[] = "/tmp/test_update_question.XXXXXX";
-
 static void put(const char *path, const char *text, size_t length)
 {
     assert_int_equal(whole_file_replace(path, text, length, 0644), 0);
@@ -115,19 +115,7 @@ static void offer(const char *version)
 static int in_a_folder(void **state)
 {
     (void)state;
-    return mkdtemp(folder) == NULL || chdir(folder) < 0 ||
-                   system("mkdir -p data/odid faults run") != 0
-               ? -1
-               : 0;
-}
-
-static int out_of_it(void **state)
-{
-    char command[sizeof(folder) + 16];
-
-    (void)state;
-    snprintf(command, sizeof(command), "rm -rf %s", folder);
-    return chdir("/") < 0 || system(command) != 0 ? -1 : 0;
+    return enter_own_folder() < 0 || system("mkdir -p data/odid faults run") != 0 ? -1 : 0;
 }
 
 /* ---- tests ---- */
@@ -157,5 +145,5 @@ int main(void)
         cmocka_unit_test(an_older_one_is_refused_where_the_configuration_is_damaged),
     };
 
-    return cmocka_run_group_tests(tests, in_a_folder, out_of_it);
+    return cmocka_run_group_tests(tests, in_a_folder, leave_own_folder);
 }
