@@ -7,6 +7,7 @@ import pytest
 from bench.attacker import Speaker
 from host import front, parts
 from host.flight import write_flight
+from pymavlink.dialects.v20 import common
 
 from .faults import BY_NAME, FAULTS
 from .flight import Flight
@@ -157,6 +158,21 @@ def test_armed_is_written_down_as_soon_as_it_can_be(make_flight):
     flight.fly(9.0)
     assert "armed yes" in (run_dir / "kept").read_text().splitlines()
     assert (flight.folder / "odid-daemon.log").read_text().count("can't keep") == 1
+
+
+def test_a_daemon_that_begins_without_heartbeats_asks_for_them_and_tells_the_pilot(make_flight):
+    """It asked for nothing, and was silent to the autopilot, for the rest of the flight: one word of a ground station's for each
+    message was enough."""
+    flight = make_flight(kept=True)
+    flight.at(AT_S, setattr, flight.autopilot, "rewrite", lambda message: message.get_type() != "HEARTBEAT")
+    flight.harm(BY_NAME["daemon_killed"], AT_S + 6)
+    flight.at(AT_S + 14, setattr, flight.autopilot, "rewrite",
+              lambda message: message.get_type() not in ("HEARTBEAT", "GLOBAL_POSITION_INT"))
+    flight.fly(AT_S + 30)
+    asked = {message for mono, message in flight.autopilot.asked if mono > START_US / 1e6 + AT_S + 14}
+    assert {common.MAVLINK_MSG_ID_HEARTBEAT, common.MAVLINK_MSG_ID_GLOBAL_POSITION_INT} <= asked
+    told = [one.mono for one in flight.autopilot.said if one.mono > START_US / 1e6 + AT_S + 6]
+    assert max(after - before for before, after in pairwise([START_US / 1e6 + AT_S + 7, *told])) < 4
 
 
 def test_a_channel_that_one_daemon_had_on_the_air_is_missed_by_the_next_one(make_flight):

@@ -153,15 +153,16 @@ static void ask(const struct aircraft_condition *condition, uint8_t vehicle, int
 {
     struct asking_request request;
 
+    if (!telemetry_vehicle_speaks(self.telemetry, now_us)) {
+        return; /* it may be in its boot loader */
+    }
     if (vehicle != self.asked_vehicle || condition->autopilot_restarts != self.asked_boot) {
         self.asked_vehicle = vehicle;
         self.asked_boot = condition->autopilot_restarts;
         telemetry_restarted(self.telemetry);
         asking_begin(&self.asking, now_us);
     }
-    /* Not while it is silent: it may be in its boot loader. */
-    if (config()->request_rate && telemetry_vehicle_speaks(self.telemetry, now_us) &&
-        asking_next(&self.asking, now_us, &request)) {
+    if (config()->request_rate && asking_next(&self.asking, now_us, &request)) {
         pilot_ask_rate(&self.pilot, vehicle, request.message_id, request.interval_us);
     }
 }
@@ -264,18 +265,23 @@ static void on_look(void *context, int64_t now_us)
     struct aircraft_view view;
     struct aircraft_condition condition;
     uint8_t vehicle = telemetry_vehicle(self.telemetry);
+    bool decided, late;
 
     (void)context;
     judge(&input, &health, &view, &condition, now_us);
-    /* Not before the first HEARTBEAT: the pilot would be told that none came, and it decides
-     * whether the kept take-off point counts. */
-    if (telemetry_heartbeat_us(self.telemetry) != INT64_MIN || condition.flies_unheard) {
+    ask(&condition, vehicle, now_us);
+    /* The first HEARTBEAT says whether it is armed, or what it does. */
+    decided = telemetry_heartbeat_us(self.telemetry) != INT64_MIN || condition.flies_unheard;
+    late = telemetry_vehicle_speaks(self.telemetry, now_us) &&
+           now_us - self.start_us >= AIRCRAFT_FRESH_US;
+    if (decided || late) { /* before, the pilot would be told that none came */
         tell(vehicle, health_reason(&health), condition.armed, now_us);
         for (enum channel channel = 0; channel < CHANNELS; channel++) {
             pilot_channel(&self.pilot, vehicle, channel, &self.radios[channel], now_us);
         }
         pilot_sources(&self.pilot, vehicle, input.contradicted);
-        ask(&condition, vehicle, now_us);
+    }
+    if (decided) {
         /* Others keep it over power-offs: not whoever passed by. */
         keep(telemetry_vehicle_settled(self.telemetry) ? vehicle : self.kept.vehicle, &condition);
     }

@@ -352,8 +352,9 @@ static void take_frame(struct telemetry *telemetry, unsigned stream,
             belief_new_link(&telemetry->belief);
         }
         telemetry->signs = message->incompat_flags & MAVLINK_IFLAG_SIGNED;
-        telemetry->vehicle.spoke =
-            telemetry->vehicle.spoke || message->msgid != MAVLINK_MSG_ID_HEARTBEAT;
+        if (message->msgid != MAVLINK_MSG_ID_HEARTBEAT) {
+            vehicle_speaks(&telemetry->vehicle, now_us);
+        }
         belief_sequence(&telemetry->belief, message->seq, same_frame(message, &telemetry->latest),
                         now_us);
         watch_old_number(telemetry, message, now_us);

@@ -120,6 +120,14 @@ enum vehicle_is vehicle_heartbeat(struct vehicle *vehicle, uint8_t system, bool 
     return other ? VEHICLE_NEW : VEHICLE_KNOWN;
 }
 
+/* Its HEARTBEATs may be lost, or kept from us. */
+void vehicle_speaks(struct vehicle *vehicle, int64_t now_us)
+{
+    vehicle->spoke = true;
+    vehicle->until_us =
+        now_us + (vehicle->heartbeat_us == INT64_MIN ? EXPECTED_US : FORGOTTEN_US);
+}
+
 void vehicle_rename(struct vehicle *vehicle, uint8_t system)
 {
     if (vehicle->kept == vehicle->system) {

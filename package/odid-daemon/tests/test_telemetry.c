@@ -433,6 +433,33 @@ static void another_vehicle_waits_for_10_s_of_silence(void **state)
     assert_false(latest()->heartbeat.new_vehicle);
 }
 
+/* Its HEARTBEATs are lost, or were switched off by somebody on the ground. */
+static void nobody_takes_the_place_of_one_that_speaks(void **state)
+{
+    (void)state;
+    feed(disarmed_heartbeat(VEHICLE));
+    for (unsigned i = 0; i < 60; i++) {
+        now_us += SECOND;
+        assert_int_equal(feed(disarmed_heartbeat(OTHER_VEHICLE)), 0);
+        assert_int_equal(feed(some_position(VEHICLE, AUTOPILOT)), 1);
+    }
+    assert_int_equal(telemetry_vehicle(telemetry), VEHICLE);
+}
+
+/* The same of one that has started before us, and is expected. */
+static void nor_of_one_that_is_expected_and_speaks(void **state)
+{
+    (void)state;
+    begin();
+    telemetry_expect(telemetry, VEHICLE, false, now_us);
+    for (unsigned i = 0; i < 60; i++) {
+        now_us += SECOND;
+        assert_int_equal(feed(some_position(VEHICLE, AUTOPILOT)), 1);
+        assert_int_equal(feed(autopilot_heartbeat(OTHER_VEHICLE)), 0);
+    }
+    assert_int_equal(telemetry_vehicle(telemetry), VEHICLE);
+}
+
 /* Two HEARTBEATs at power-on, and then never again. */
 static void a_stray_voice_holds_nobody_off(void **state)
 {
@@ -713,6 +740,8 @@ int main(void)
         cmocka_unit_test_setup(who_is_heard_first_gives_way_to_the_vehicle_of_the_last_power_on,
                                setup),
         cmocka_unit_test_setup(another_vehicle_waits_for_10_s_of_silence, setup),
+        cmocka_unit_test_setup(nobody_takes_the_place_of_one_that_speaks, setup),
+        cmocka_unit_test_setup(nor_of_one_that_is_expected_and_speaks, setup),
         cmocka_unit_test_setup(a_stray_voice_holds_nobody_off, setup),
         cmocka_unit_test_setup(in_flight_no_other_vehicle_takes_its_place, setup),
         cmocka_unit_test_setup(an_autopilot_with_another_number_is_the_same, setup),
