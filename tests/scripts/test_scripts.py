@@ -104,6 +104,7 @@ def test_the_port_that_had_an_autopilot_is_the_first(two_autopilots):
     assert two_autopilots.must("/lib/odid/autopilot-port").split() == ["/dev/ttyUSB0", "/dev/ttyACM1", "/dev/ttyACM0"]
 
 
+CONFINE = '#!/bin/sh\nexec "$@"\n'
 ROUTER = """#!/bin/sh
 cat /run/mavlink-router.conf >/began
 """
@@ -111,7 +112,7 @@ cat /run/mavlink-router.conf >/began
 
 def search(appliance, finding):
     """The service's start, which has to listen to several ports; finding: what is run for that, in shell."""
-    for name, text in {"chpst": '#!/bin/sh\nshift 2\nexec "$@"\n', "mavlink-routerd": ROUTER, "sv": NOTES,
+    for name, text in {"chpst": '#!/bin/sh\nshift 2\nexec "$@"\n', "odid-confine": CONFINE, "mavlink-routerd": ROUTER, "sv": NOTES,
                        "odidctl": f'#!/bin/sh\n[ "$1" != find-autopilot ] || {{ {finding}; exit; }}\n' +
                                   appliance.read("usr/bin/odidctl").removeprefix("#!/bin/sh\n")}.items():
         appliance.write(f"usr/bin/{name}", text)
@@ -180,7 +181,7 @@ wait $!
 def judged(appliance, port, heard, before=":", unread="00000000", wait="until [ $(cat /looks | wc -l) -gt 3 ]; do usleep 10000; done"):
     """What autopilot-judge did in its first looks, and whether the router lives."""
     appliance.write("run/mavlink-router.port", port + "\n100\n")
-    appliance.write("status.json", '{ "heartbeat": %s }\n' % ("true" if heard else "false"))
+    appliance.write("status.json", '{ "speaks": %s }\n' % ("true" if heard else "false"))
     appliance.write("etc/passwd", "mavlink:x:993:993::/:/bin/false\n")
     appliance.write("udp", "  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid  timeout inode\n"
                            "   7: 00000000:8D6C 00000000:0000 07 00000000:00000A00 00:00000000 00000000     0        0 11 2\n"
@@ -242,7 +243,7 @@ def test_the_judge_ends_with_its_router(appliance):
     (FTDI_NAME, "/dev/ttyUSB0", 0, False, False),  # it is this one's own arrival
 ])
 def test_a_port_arrives(two_autopilots, last, used, since_s, heard, restarted):
-    two_autopilots.write("status.json", '{ "heartbeat": %s }\n' % ("true" if heard else "false"))
+    two_autopilots.write("status.json", '{ "speaks": %s }\n' % ("true" if heard else "false"))
     if last:
         two_autopilots.write("data/odid/autopilot-port", last + "\n")
     if used:
@@ -1025,7 +1026,8 @@ def swupdate(appliance):
     for name in ("swupdate", "blockdev", "renice", "chpst"):
         appliance.write(f"usr/bin/{name}", NOTES)
     appliance.write("usr/bin/fw_printenv", "#!/bin/sh\necho 0\n")
-    for name in ("swupdate", "blockdev", "renice", "chpst", "fw_printenv"):
+    appliance.write("usr/bin/odid-confine", CONFINE)
+    for name in ("swupdate", "blockdev", "renice", "chpst", "fw_printenv", "odid-confine"):
         (appliance.root / "usr/bin" / name).chmod(0o755)
     appliance.settings(update__hawkbit_url="https://here", update__hawkbit_tenant="", update__hawkbit_id="me", basic_id__uas_id="")
     return appliance

@@ -36,6 +36,7 @@ struct status_snapshot {
     const struct status_lateness *lateness;
     int64_t start_us;
     uint8_t vehicle;
+    bool speaks; /* anything came of its autopilot, a moment ago */
     unsigned config_reports;
     const char (*config_report)[CONFIG_PROBLEM_SIZE]; /* the first sentences */
 };

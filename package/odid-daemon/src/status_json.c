@@ -276,15 +276,20 @@ static void add_refused(struct json_object *aircraft, const struct asking *askin
     }
 }
 
-static void add_aircraft(struct json_object *root, const struct aircraft_condition *condition,
-                         const struct asking *asking, int64_t now_us)
+static void add_aircraft(struct json_object *root, const struct status_snapshot *snapshot,
+                         int64_t now_us)
 {
+    const struct aircraft_condition *condition = snapshot->input.condition;
     struct json_object *object = add_object(root, "aircraft");
     bool known = condition->heartbeat_fresh;
 
     add_bool(object, "heartbeat", known);
-    add(object, "armed", known ? json_object_new_boolean(condition->armed) : NULL);
-    add(object, "emergency", known ? json_object_new_boolean(condition->emergency) : NULL);
+    add_bool(object, "speaks", snapshot->speaks);
+    /* Without HEARTBEATs an old "no" is none; a "yes" may come of what it does. */
+    add(object, "armed",
+        known || condition->armed ? json_object_new_boolean(condition->armed) : NULL);
+    add(object, "emergency",
+        known || condition->emergency ? json_object_new_boolean(condition->emergency) : NULL);
     add_bool(object, "simulated", condition->simulated);
     add_count(object, "mav_type", condition->mav_type);
     add_count(object, "autopilot", condition->autopilot);
@@ -295,7 +300,7 @@ static void add_aircraft(struct json_object *root, const struct aircraft_conditi
     add_bool(object, "fix_known", condition->fix_known);
     add_bool(object, "vertical_inverted", condition->vertical_inverted);
     add_number(object, "position_rate_hz", condition->position_rate_hz, "%.2f");
-    add_refused(object, asking, now_us);
+    add_refused(object, snapshot->asking, now_us);
 }
 
 static void add_problems(struct json_object *root, const struct health *health)
@@ -358,7 +363,7 @@ struct json_object *status_json(const struct status_snapshot *snapshot, int64_t 
     add_position(root, &input->view->location, now_us);
     add_operator(root, &input->view->system);
     add_time(root, input->condition);
-    add_aircraft(root, input->condition, snapshot->asking, now_us);
+    add_aircraft(root, snapshot, now_us);
     add_problems(root, &snapshot->health);
     add_daemon(root, snapshot);
     return root;

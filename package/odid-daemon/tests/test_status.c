@@ -104,10 +104,11 @@ static void stable_names(void **state)
                   "speed_mps vertical_speed_mps timestamp_s status status_source");
     expect_fields(root, "operator", "source location_type latitude_deg longitude_deg altitude_m");
     expect_fields(root, "time", "known utc");
-    expect_fields(root, "aircraft",
-                  "heartbeat armed emergency simulated mav_type autopilot restarts takeoff_known "
-                  "takeoff_is_home takeoff_is_late fix_known vertical_inverted position_rate_hz "
-                  "refused_messages");
+    expect_fields(
+        root, "aircraft",
+        "heartbeat speaks armed emergency simulated mav_type autopilot restarts takeoff_known "
+        "takeoff_is_home takeoff_is_late fix_known vertical_inverted position_rate_hz "
+        "refused_messages");
     expect_fields(root, "configuration", "errors sentences");
     expect_fields(root, "schedule", "slots skipped slot_lateness_p99_us slot_lateness_max_us");
     expect_fields(root, "privilege", "realtime filter_logging");
@@ -181,6 +182,21 @@ static void what_is_unknown_is_null(void **state)
     expect_json("identity.operator_id", "{\"operator_id\":null,\"source\":null,\"validity\":null}");
     expect_json("identity.basic_ids", "[]");
     expect_json("identity.self_id.source", "null");
+}
+
+/* Its HEARTBEATs are kept from us: the page and the flight record had no word of what is broadcast.
+ */
+static void what_flies_without_heartbeats_is_armed(void **state)
+{
+    (void)state;
+    fixture.condition.heartbeat_fresh = false;
+    fixture.condition.armed = fixture.condition.emergency = true;
+    expect_json("aircraft.heartbeat", "false");
+    expect_json("aircraft.armed", "true");
+    expect_json("aircraft.emergency", "true");
+    fixture.condition.armed = fixture.condition.emergency = false;
+    expect_json("aircraft.armed", "null");
+    expect_json("aircraft.emergency", "null");
 }
 
 /* From outside come any bytes, and numbers with their secret part. */
@@ -436,6 +452,7 @@ int main(void)
         TEST(stable_names),
         TEST(values),
         TEST(what_is_unknown_is_null),
+        TEST(what_flies_without_heartbeats_is_armed),
         TEST(foreign_bytes),
         TEST(problems_and_sentences),
         TEST(a_place_that_is_there_later),
