@@ -1,0 +1,84 @@
+/*
+ * odid-confine: starts a program that makes no sockets but UNIX's, IP's and netlink's. The kernel
+ * lets anybody open a raw socket of a Bluetooth controller, and have commands stand in the queue
+ * before the daemon's: without one on the air, who did it for a second would have silenced it.
+ */
+#include <errno.h>
+#include <seccomp.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#define FAMILIES_MAX 64 /* more than Linux has */
+#define NOT_STARTED 127 /* as a shell says it */
+
+static const int families[] = {AF_UNIX, AF_INET, AF_INET6, AF_NETLINK};
+
+static bool is_allowed(int family)
+{
+    for (size_t i = 0; i < sizeof(families) / sizeof(families[0]); i++) {
+        if (families[i] == family) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/* With an error: a library that only tries goes on without. What makes sockets by another way isn't
+ * to be had either. */
+static int add_refusals(scmp_filter_ctx filter)
+{
+    const uint32_t refuse = SCMP_ACT_ERRNO(EPERM);
+    int result = seccomp_rule_add(filter, refuse, SCMP_SYS(io_uring_setup), 0);
+
+    if (result == 0) { /* the kernel looks at 32 of these 64 bits only */
+        result = seccomp_rule_add(filter, refuse, SCMP_SYS(socket), 1,
+                                  SCMP_A0(SCMP_CMP_GE, (scmp_datum_t)FAMILIES_MAX));
+    }
+    for (int family = 0; result == 0 && family < FAMILIES_MAX; family++) {
+        if (!is_allowed(family)) {
+            result = seccomp_rule_add(filter, refuse, SCMP_SYS(socket), 1,
+                                      SCMP_A0(SCMP_CMP_EQ, (scmp_datum_t)family));
+        }
+    }
+    return result;
+}
+
+/* Sets no_new_privs as well. */
+static int confine(void)
+{
+    scmp_filter_ctx filter = seccomp_init(SCMP_ACT_ALLOW);
+    int result;
+
+    if (filter == NULL) {
+        return -ENOMEM;
+    }
+    result = add_refusals(filter);
+    if (result == 0) {
+        result = seccomp_load(filter);
+    }
+    seccomp_release(filter);
+    return result;
+}
+
+int main(int argc, char **argv)
+{
+    int result;
+
+    if (argc < 2 || argv[1][0] == '-') {
+        fprintf(stderr, "usage: odid-confine program [argument ...]\n");
+        return 2;
+    }
+    result = confine();
+    if (result < 0) {
+        fprintf(stderr, "odid-confine: %s isn't started, for it can't be confined: %s\n", argv[1],
+                strerror(-result));
+        return NOT_STARTED;
+    }
+    execvp(argv[1], argv + 1);
+    fprintf(stderr, "odid-confine: %s: %s\n", argv[1], strerror(errno));
+    return NOT_STARTED;
+}
