@@ -115,6 +115,11 @@ build/opendroneid/stamp: tests/setup/opendroneid.sh tests/setup/opendroneid.sha2
 	@tests/setup/opendroneid.sh
 	@touch $@
 
+# The release's SWUpdate, for this machine: tests/update/test_client.py.
+build/swupdate/swupdate: tests/setup/swupdate.sh tests/setup/own-apt.sh board/common/swupdate.fragment \
+		$(wildcard br2-external/patches/swupdate/*.patch) | debian-tests
+	@tests/setup/swupdate.sh
+
 # --- Building ---------------------------------------------------------------
 
 .PHONY: daemon unit fuzzers
@@ -225,7 +230,7 @@ level-fuzz: fuzzers
 		--junit build/test/fuzz.xml
 
 # Most of them wait for something, and not for a processor.
-level-parts: daemon appliance
+level-parts: daemon appliance build/swupdate/swupdate
 	$(LEVEL) parts $(RUN) -m pytest $(TESTS) -m '$(PARTS)' $(SPREAD) $(PYTEST) \
 		--junit-xml=build/test/parts.xml
 

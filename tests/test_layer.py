@@ -665,6 +665,13 @@ def test_a_defconfig_survives(configured):
 
 
 @with_buildroot
+def test_the_swupdate_that_is_tried_is_the_release_s():
+    """What tests/setup/swupdate.sh builds for this machine."""
+    tried = re.search(r"^version=(\S+)$", (TOP / "tests/setup/swupdate.sh").read_text(), re.M)[1]
+    assert f"SWUPDATE_VERSION = {tried}\n" in Path(BUILDROOT, "package/swupdate/swupdate.mk").read_text()
+
+
+@with_buildroot
 def test_a_list_without_ours_is_an_error(configured):
     board, out = configured
     if board != "cm4":

@@ -1,0 +1,123 @@
+"""The release's SWUpdate (its version, configuration and patches; built for this machine) as a client of hawkBit's: what it
+tells a server. Nothing is installed here: what it
+fetches is no bundle, and refused. (The booted appliance installs:
+test_hawkbit.py.)"""
+
+import os
+import subprocess
+
+import pytest
+
+from . import bundles, hawkbit
+from .appliance import wait_for
+from .server import GUEST_SEES
+
+SWUPDATE = bundles.parts.ROOT / "build/swupdate/swupdate"
+OFFERED = "1.1.0"
+TESTING = "2"  # SWUpdate's state, in U-Boot's variable ustate: a new system runs, and the server hasn't been told
+OCTETS = 16_000
+
+
+@pytest.fixture
+def server(monkeypatch):
+    monkeypatch.setattr(hawkbit, "OFFERED_POLL_S", 1)
+    one = hawkbit.HawkBit("an-aircraft", poll_s=1)
+    one.url = one.url.replace(GUEST_SEES, "127.0.0.1")
+    yield one
+    one.stop()
+
+
+@pytest.fixture
+def start(server, tmp_path):
+    """start(ustate): the client, as overlay/etc/sv/swupdate/run starts it."""
+    started = []
+
+    def start(ustate=""):
+        variables = tmp_path / "variables"
+        variables.write_text(f"upgrade_available=0\nustate={ustate}\n")
+        subprocess.run(["mkenvimage", "-s", "0x4000", "-o", tmp_path / "environment", variables], check=True)
+        (tmp_path / "fw_env.config").write_text(f"{tmp_path / 'environment'} 0 0x4000\n")
+        (tmp_path / "swupdate.cfg").write_text(f"""
+globals: {{ public-key-file = "{bundles.KEYS / 'trusted.pem'}"; bootloader = "uboot"; loglevel = 4;
+           fwenv-config-location = "{tmp_path / 'fw_env.config'}"; }};
+suricatta: {{ url = "{server.url}"; tenant = "{server.tenant}"; id = "{server.name}"; targettoken = "{server.token}";
+             userid = {os.getuid()}; groupid = {os.getgid()}; retry = 2; retrywait = 1; }};
+identify: ( {{ name = "version"; value = "1.0.0"; }} );
+""")
+        with open(tmp_path / "log", "wb") as log:
+            started.append(subprocess.Popen(
+                [SWUPDATE, "-f", tmp_path / "swupdate.cfg", "-H", "odid:odid-qemu", "-M", "-u", ""],
+                env=os.environ | {"TMPDIR": str(tmp_path)}, stdout=log, stderr=log))
+        wait_for("a poll", lambda: server.polls)
+
+    yield start
+    for one in started:
+        one.terminate()
+        one.wait()
+
+
+@pytest.fixture
+def no_bundle(tmp_path):
+    """Its description comes whole before it is seen to be none."""
+    (tmp_path / "sw-description").write_bytes(b"\n" * OCTETS)
+    return bundles.put_together(tmp_path, ["sw-description"], tmp_path / "no.swu")
+
+
+def more_polls(server):
+    polls = server.polls
+    wait_for("more polls", lambda: server.polls > polls + 2)
+
+
+@pytest.mark.parametrize("field", ["update", "download"])
+def test_what_the_server_says_skip_to_waits_until_it_doesn_t(server, start, no_bundle, field):
+    """It was told "closed", "success", and held the aircraft for updated for ever."""
+    setattr(server, field, "skip")
+    server.window = "unavailable"
+    server.offer(26, no_bundle, OFFERED)
+    start()
+    more_polls(server)
+    assert not server.feedback and not server.downloads
+    setattr(server, field, "attempt")
+    server.window = "available"
+    wait_for("the report", lambda: server.outcome(26))
+    assert server.downloads and server.outcome(26) == "failure" and not server.violations
+
+
+def test_one_that_the_server_says_skip_to_while_it_comes_is_not_over(server, start, no_bundle):
+    """It was told "closed", "failure"."""
+    server.rate = OCTETS // 60  # a second: it asks meanwhile
+    server.offer(27, no_bundle, OFFERED)
+    start()
+    wait_for("a download", lambda: server.downloads)
+    server.update = "skip"
+    more_polls(server)
+    assert server.outcome(27) is None and "closed" not in server.executions("27") and not server.violations
+
+
+def test_one_that_is_called_off_while_it_waits_is(server, start, no_bundle):
+    server.update = "skip"
+    server.offer(28, no_bundle, OFFERED)
+    start()
+    server.cancel()
+    wait_for("the answer", lambda: server.cancelled)
+    assert [status["execution"] for status in server.cancelled] == ["closed"] and not server.violations
+
+
+def test_one_that_is_called_off_once_it_runs_has_happened(server, start, no_bundle):
+    """It was told to have been called off, and ran."""
+    server.offer(31, no_bundle, OFFERED)
+    server.cancel()
+    start(TESTING)
+    wait_for("the report", lambda: server.outcome(31))
+    assert [status["execution"] for status in server.cancelled] == ["rejected"]
+    assert server.outcome(31) == "success" and not server.downloads and not server.violations
+
+
+def test_a_report_that_nobody_waits_for_closes_nothing_later(server, start, no_bundle):
+    """The next action was closed as a success before it was fetched."""
+    start(TESTING)
+    more_polls(server)
+    server.update = "skip"
+    server.offer(33, no_bundle, OFFERED)
+    more_polls(server)
+    assert server.outcome(33) is None and not server.executions("33") and not server.violations
