@@ -47,6 +47,8 @@ def greedy_service(flying):
 
 def test_a_greedy_service_takes_nothing_from_the_broadcast(greedy):
     out = parts.ROOT / "build/system/greedy"
+    weights = [greedy.must(f"cat /sys/fs/cgroup/{group}/cpu.weight").strip() for group in ("appliance", "mavlink-router", "greedy")]
+    assert weights == ["10000", "10000", "1"]
     before, begun = number(greedy, "cpu.stat", "usage_usec"), float(greedy.must("cat /proc/uptime").split()[0])
     judge = greedy.judge(SECONDS, "--played", greedy.folder / "played.jsonl", "--expect", ",".join(CHANNELS),
                          *WORST, out=out)

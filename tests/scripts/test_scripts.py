@@ -834,10 +834,20 @@ def test_hostapd_s_answers_come_where_nobody_is_in_the_way():
 # --- services of other layers ----------------------------------------------------------
 
 
+def weighted(appliance, *groups):
+    """Those groups, with the weight that the kernel gives them once the processor is shared out between groups."""
+    for group in groups:
+        appliance.write(f"sys/fs/cgroup/{group}/cpu.weight", "100\n")
+
+
+def weights(appliance):
+    return {path.parent.name: int(path.read_text()) for path in (appliance.root / "sys/fs/cgroup").glob("*/cpu.weight")}
+
+
 @pytest.fixture
 def limited(appliance):
     """Starts a service within limits, which says that it runs."""
-    (appliance.root / "sys/fs/cgroup/appliance").mkdir(parents=True)
+    weighted(appliance, "appliance", "mavlink-router", "swupdate", "greedy")
     appliance.start("/lib/odid/limited greedy 50 64 sh -c 'echo runs >/runs'")
     return appliance
 
@@ -853,8 +863,18 @@ def test_no_other_service_runs_before_the_filter_is_loaded(limited, there):
 def test_within_limits_the_broadcast_has_the_processor_first(limited):
     limited.write("run/odid-appliance/firewall", "")
     wait_for("it to run", lambda: limited.exists("runs"))
-    weights = [int(limited.read(f"sys/fs/cgroup/{group}/cpu.weight")) for group in ("appliance", "greedy")]
-    assert weights == [10000, 1] and limited.read("sys/fs/cgroup/greedy/cpu.max") == "50000 100000\n"
+    assert weights(limited) == {"appliance": 10000, "mavlink-router": 10000, "swupdate": 1, "greedy": 1}
+    assert limited.read("sys/fs/cgroup/greedy/cpu.max") == "50000 100000\n"
+
+
+@pytest.mark.parametrize("group, weight", [("mavlink-router", 10000), ("swupdate", 1)])
+def test_a_group_that_is_made_later_has_its_share_as_well(appliance, group, weight):
+    """Of a processor that was busy mavlink-router, which owns the position, had a hundredth from its next start on."""
+    own = f". /lib/odid/functions; own_group {group} 16 32"
+    assert "cpu.weight" not in appliance.run(own).stderr and weights(appliance) == {}, "nothing is shared out yet"
+    weighted(appliance, group)
+    appliance.must(own)
+    assert weights(appliance) == {group: weight}
 
 
 # --- a stick with a bundle ------------------------------------------------------------
