@@ -256,6 +256,35 @@ def test_a_port_arrives(two_autopilots, last, used, since_s, heard, restarted):
     assert two_autopilots.exists("run/mavlink-router.back") == restarted
 
 
+def arrives(appliance):
+    """Its arrival, in shell."""
+    appliance.must("mkdir -p /run/service/mavlink-router/supervise && mkfifo /run/service/mavlink-router/supervise/control")
+    return "ACTION=add MDEV=ttyACM1 /lib/odid/device-autopilot >/dev/null"
+
+
+@pytest.mark.parametrize("last, anew", [
+    ("", False), (FTDI_NAME, False), ("usb-Other-if00", False), ("usb-ArduPilot_Pixhawk__1__3E_00-if00", True)])
+def test_a_port_that_comes_and_goes_keeps_nobody_from_listening_to_the_others(two_autopilots, last, anew):
+    """Each time that it came the listening began anew: one that came every other second kept the autopilot from being found."""
+    if last:
+        two_autopilots.write("data/odid/autopilot-port", last + "\n")
+    search(two_autopilots, f"{arrives(two_autopilots)}; echo /dev/ttyACM0")
+    assert two_autopilots.calls() == ["sv term mavlink-router"] * anew + ["sv up mavlink-router"]
+    assert "/dev/ttyACM0" in two_autopilots.read("began")
+
+
+def test_a_port_that_comes_while_nobody_listens_is_begun_with_at_once(two_autopilots):
+    """The service is down, or has looked already which ports are there; what an earlier listening left says nothing of it."""
+    arrival = arrives(two_autopilots)
+    two_autopilots.must(arrival)
+    assert two_autopilots.calls() == ["sv term mavlink-router", "sv up mavlink-router"]
+    two_autopilots.write("calls", "")
+    two_autopilots.write("run/mavlink-router.found", "")
+    two_autopilots.change("etc/sv/mavlink-router/run", ("set -- $(/lib/odid/autopilot-port)", f"{arrival}; exit"))
+    two_autopilots.must("cd /etc/sv/mavlink-router && ./run")
+    assert two_autopilots.calls() == ["sv term mavlink-router", "sv up mavlink-router"]
+
+
 @pytest.mark.parametrize("wanted", ["usb:26ac:0011", "/dev/ttyAMA3", "/dev/serial/by-id/usb-Other-if00"])
 def test_a_port_that_is_not_there_is_not_replaced_by_another(two_autopilots, wanted):
     two_autopilots.settings(autopilot__device=wanted)
