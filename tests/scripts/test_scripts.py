@@ -657,17 +657,30 @@ def test_in_flight_nobody_looks_again(appliance):
 
 
 def test_another_vehicle_than_1_is_told_to_mavlink_router_but_not_in_flight(appliance):
+    begun = "echo /dev/ttyACM0 >/run/mavlink-router.port; /lib/odid/mavlink-router-config /dev/ttyACM0 >/run/mavlink-router.conf"
     appliance.must("/lib/odid/vehicle 0 disarmed")
     assert not appliance.exists("data/odid/vehicle")
-    appliance.must("/lib/odid/vehicle 1 disarmed")
+    appliance.must(f"{begun}; /lib/odid/vehicle 1 disarmed")
     assert appliance.read("data/odid/vehicle") == "1\n" and appliance.calls() == []
     for words in ("7 armed", "7 unknown"):
         appliance.must(f"/lib/odid/vehicle {words}")
     assert appliance.read("data/odid/vehicle") == "7\n" and appliance.calls() == []
-    appliance.must("/lib/odid/vehicle 8 disarmed")
+    # After the flight: the router went on with the other one until its next start.
+    appliance.must("/lib/odid/vehicle 7 disarmed")
     assert appliance.calls() == ["sv term mavlink-router"]
-    made = sections(appliance.must("/lib/odid/mavlink-router-config /dev/ttyACM0"))
-    assert made["General"]["SnifferSysid"] == "8"
+    appliance.must(f"{begun}; /lib/odid/vehicle 7 disarmed")
+    assert appliance.calls() == ["sv term mavlink-router"], "it knows"
+    appliance.must("/lib/odid/vehicle 8 disarmed")
+    assert appliance.calls() == ["sv term mavlink-router"] * 2
+    appliance.must(f"rm /run/mavlink-router.port; /lib/odid/vehicle 9 disarmed; {begun}")
+    assert appliance.calls() == ["sv term mavlink-router"] * 2, "it was listening to several ports, and reads it after that"
+    assert sections(appliance.read("run/mavlink-router.conf"))["General"]["SnifferSysid"] == "9"
+
+
+def test_what_an_earlier_start_was_told_says_nothing_of_this_one(two_autopilots):
+    two_autopilots.write("run/mavlink-router.conf", "SnifferSysid = 7\n")
+    search(two_autopilots, "[ -e /run/mavlink-router.conf ] || echo /dev/ttyACM0")
+    assert "SnifferSysid = 1\n" in two_autopilots.read("began")
 
 
 # --- the networks' ------------------------------------------------------------------
