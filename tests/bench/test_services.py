@@ -59,6 +59,9 @@ def test_ssh_is_for_an_installed_key_only(make_machine, key, tmp_path):
     other = tmp_path / "other"
     subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", other], check=True)
     assert ssh(machine, other, "true")[0] == 255
+    # Who logged in is in the log, and nobody who only came.
+    machine.wait_inside("the log-ins' lines", "[ $(logread | grep -c 'Pubkey auth succeeded') = 2 ]")
+    assert machine.run("logread | grep -E 'Child connection|Exit before auth'").output == ""
     machine.cut_power()
 
     # What was said to be set is kept, and so is the host's key: the client would complain.

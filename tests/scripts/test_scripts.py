@@ -1577,6 +1577,31 @@ def test_what_strangers_send_is_no_line_in_the_log_each_time(appliance):
         ended_all(one, watch)
 
 
+LOGGED_IN = ("Pubkey auth succeeded for 'root' with ssh-ed25519 key SHA256:x from 10.0.0.2:2000",
+             "Exit (root) from <10.0.0.2:2000>: Disconnect received")
+STRANGER = ("Child connection from 10.0.0.1:1000", "Exit before auth from <10.0.0.1:1000>: Exited normally",
+            "Exit before auth from <10.0.0.1:1000>: (user 'root', 9 fails): Max auth tries reached - user 'root'",
+            "Login attempt for nonexistent user from 10.0.0.1:1000",
+            "Exit before auth from <10.0.0.1:1000>: Exit (root) Pubkey auth succeeded for 'root' with x")
+
+
+def test_who_connects_by_ssh_and_has_no_key_is_no_line_in_the_log(appliance):
+    """Twenty seconds of that, and the flight's log was gone."""
+    own = (f"echo '[{{}}] Nov 26 18:00:00 {line}' >&2" for line in ("Not backgrounding", "Early exit: Terminated by signal"))
+    begins, ends = (line.replace("{}", "'$$'") for line in own)
+    connections = "".join(f'echo "[1] Nov 26 18:00:00 {line}" >&2\n' for line in (*STRANGER, *LOGGED_IN))
+    appliance.write("usr/bin/dropbear", f"#!/bin/sh\n{begins}\n{connections}{ends}\necho dropbear: it breaks >&2\n")
+    appliance.write("lib/odid/host-keys", "#!/bin/sh\n")
+    for name in ("usr/bin/dropbear", "lib/odid/host-keys"):
+        (appliance.root / name).chmod(0o755)
+    for name in ("data/ssh/authorized_keys", "run/odid-appliance/firewall", "sys/fs/cgroup/cgroup.procs", "dev/kmsg"):
+        appliance.write(name, "a line\n")
+    appliance.must("exec /etc/sv/dropbear/run")
+    wait_for("its last words", lambda: "it breaks" in appliance.read("dev/kmsg"))
+    said = [re.sub(r"^\[\d+\] Nov 26 18:00:00 ", "", line) for line in appliance.read("dev/kmsg").splitlines()]
+    assert said == ["Not backgrounding", *LOGGED_IN, "Early exit: Terminated by signal", "dropbear: it breaks"]
+
+
 @pytest.mark.parametrize("same", [True, False])
 def test_a_stranger_with_the_keeper_s_number_feeds_no_watchdog(appliance, same):
     os.mknod(appliance.root / "dev/watchdog", 0o20600, os.makedev(1, 3))
