@@ -30,7 +30,7 @@ endif
 # `export`: a shell that is bash counts SECONDS up.
 OPTIONS = $(foreach name,FLIGHT SECONDS TEST_DATA LOSS KEYS,$(if $($(name)),$(name)='$($(name))')) \
 	$(if $(IMAGE),IMAGE=build/appliance/tested/disk.img)
-RUN = env $(OPTIONS) PYTHONPATH=tests PYTHONPYCACHEPREFIX=build/pycache \
+RUN = env $(OPTIONS) MAVLINK_DIR='$(MAVLINK)' PYTHONPATH=tests PYTHONPYCACHEPREFIX=build/pycache \
 	build/venv/bin/python3
 
 CONFIGURE = cmake -S $(DAEMON) -G 'Unix Makefiles' -DODID_WERROR=ON \
@@ -136,7 +136,7 @@ fuzzers: setup
 .PHONY: appliance
 ifeq ($(IMAGE),)
 appliance: base
-	@OPENDRONEID_DIR='$(OPENDRONEID)' MAVLINK_DIR='$(MAVLINK)' $(RUN) -m bench.image
+	@OPENDRONEID_DIR='$(OPENDRONEID)' $(RUN) -m bench.image
 else
 appliance: base
 	@$(RUN) -m bench.image --add-to '$(IMAGE)'
@@ -264,10 +264,10 @@ simulate: daemon
 # Does the gate see a fault that is put in? tests/mutants.
 .PHONY: mutants laws
 laws: daemon
-	@env ONLY='$(ONLY)' OPENDRONEID_DIR='$(OPENDRONEID)' MAVLINK_DIR='$(MAVLINK)' $(RUN) tests/mutants/laws.py
+	@env ONLY='$(ONLY)' OPENDRONEID_DIR='$(OPENDRONEID)' $(RUN) tests/mutants/laws.py
 
 mutants: daemon debian-tests
-	@env RANDOM='$(RANDOM)' SEED='$(SEED)' ONLY='$(ONLY)' OPENDRONEID_DIR='$(OPENDRONEID)' MAVLINK_DIR='$(MAVLINK)' \
+	@env RANDOM='$(RANDOM)' SEED='$(SEED)' ONLY='$(ONLY)' OPENDRONEID_DIR='$(OPENDRONEID)' \
 		$(RUN) tests/mutants/run.py
 
 .PHONY: system faults-without smoke-without

@@ -185,6 +185,35 @@ def test_what_a_recipe_fetches_is_pinned(package):
     assert re.match(r"https?://|\$\(BR2_KERNEL_MIRROR\)/", made["SITE"])
 
 
+@pytest.mark.parametrize("board", BOARDS)
+def test_patches_are_taken(board):
+    assert 'BR2_GLOBAL_PATCH_DIR="$(BR2_EXTERNAL_ODID_PATH)/patches"\n' in defconfig(board)
+    chosen = {name for name, value in options(defconfig(board)) if value == "y"}
+    assert {f"BR2_PACKAGE_{path.name.upper().replace('-', '_')}" for path in (LAYER / "patches").iterdir()} <= chosen
+
+
+@pytest.mark.parametrize("package", sorted(path.name for path in (LAYER / "patches").iterdir()))
+def test_a_patch_has_its_form(package):
+    """Numbered without a gap, what it is for, whether upstream has it; and the table says of each package that it has one."""
+    patches = sorted((LAYER / "patches" / package).iterdir())
+    assert [path.name[:5] for path in patches] == [f"{number:04}-" for number in range(1, len(patches) + 1)]
+    for path in patches:
+        head, _, changes = path.read_text(encoding="utf-8").partition("\n---\n")
+        assert re.fullmatch(r"From: [^\n]+\nSubject: \[PATCH\] [^\n]+\n\n.+\n\nUpstream: [^\n]+\nSigned-off-by: [^\n]+", head, re.S), path
+        files = re.findall(r"^diff --git a/(\S+) b/\1\n--- a/\1\n\+\+\+ b/\1\n@@ ", changes, re.M)
+        assert files and len(files) == changes.count("diff --git"), path
+        assert path.suffix == ".patch" and not re.search("^index ", changes, re.M), path
+    row = re.search(rf"^\| [^|]*`{package}`.*$", read("docs/building.md"), re.M)
+    assert "patch" in row[0]
+
+
+def test_the_router_that_ships_refuses_what_could_hide_a_frame():
+    """That it does is held against it where one was built so: tests/bench/guest/test_relay.py."""
+    said = "".join(path.read_text(encoding="utf-8") for path in (LAYER / "patches/mavlink-router").iterdir())
+    for line in ("_type != ENDPOINT_TYPE_UART", "incompat_flags & ~MAVLINK_IFLAG_SIGNED", "msg_entry == nullptr"):
+        assert re.search(rf"^\+.*{re.escape(line)}", said, re.M), line
+
+
 def test_recipes_are_in_order():
     listed = re.findall(r"package/([^/]+)/Config.in", read("br2-external/Config.in"))
     assert listed == PACKAGES

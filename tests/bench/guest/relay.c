@@ -12,10 +12,14 @@
  * As mavlink-router's version 4 does (src/endpoint.cpp: read_msg, allowed_by_incoming_filters,
  * accept_msg): a frame ends where its length says, also one with flags that nobody knows; it is
  * passed on whole; the filters hold for frames of any message, known or not; an endpoint by which a
- * system's component was heard is sent nothing of that one's any more. Not as it: what has a target
- * goes out by all endpoints, and checksums of known messages aren't looked at. */
+ * system's component was heard is sent nothing of that one's any more. By our patches
+ * (br2-external/patches/mavlink-router): by UDP nothing comes in of a message that isn't known, or
+ * with a flag that isn't. Not as it: what has a target goes out by all endpoints, checksums of
+ * known messages aren't looked at, and known are those of the dialect common, there
+ * ardupilotmega's. */
 
 #include <arpa/inet.h>
+#include <common/mavlink.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <poll.h>
@@ -257,11 +261,23 @@ static bool is_listed(const int list[8], int message)
     return false;
 }
 
+static int message_of(const unsigned char *frame)
+{
+    return frame[0] == 0xFE ? frame[5] : frame[7] | frame[8] << 8 | frame[9] << 16;
+}
+
+/* In what isn't, an autopilot may find another frame. Its own words may be newer than this. */
+static bool is_understood(const struct filter *filter, const unsigned char *frame)
+{
+    if (filter == &uart_filter)
+        return true;
+    return mavlink_get_msg_entry((uint32_t)message_of(frame)) != NULL &&
+           (frame[0] == 0xFE || (frame[2] & ~MAVLINK_IFLAG_SIGNED) == 0);
+}
+
 static bool may_enter(const struct filter *filter, const unsigned char *frame)
 {
-    int message = frame[0] == 0xFE ? frame[5] : frame[7] | frame[8] << 8 | frame[9] << 16;
-
-    if (is_listed(filter->blocked_message, message))
+    if (!is_understood(filter, frame) || is_listed(filter->blocked_message, message_of(frame)))
         return false;
     return !(filter->only_listed && !filter->allowed_component[component_of(frame)]) &&
            !filter->blocked_component[component_of(frame)] &&

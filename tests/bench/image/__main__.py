@@ -71,7 +71,7 @@ def build():
         daemon = ours.daemon(
             sysroot, OPENDRONEID, MAVLINK, inputs=[
                 DAEMON / "src", DAEMON / "CMakeLists.txt", OPENDRONEID, MAVLINK / "common"])
-        guest = ours.guest_programs(root.GUEST, inputs=sorted(root.GUEST.glob("*.c")))
+        guest = ours.guest_programs(root.GUEST, MAVLINK, inputs=[*sorted(root.GUEST.glob("*.c")), MAVLINK / "common"])
         busybox = busybox.result()
         initrd = root.initrd(kernel, sysroot, busybox, inputs=[root.GUEST / "init", root.CONTENTS])
         slot = root.slot(root.root(
@@ -94,7 +94,7 @@ def main():
     with open(BUILD / "lock", "w", encoding="utf-8") as alone:
         fcntl.flock(alone, fcntl.LOCK_EX)       # a second builder waits, and finds all done
         make(BUILD / "tested" if image else BUILD,
-             lambda: added.add_to(image, debian.indexes(debian.Apt().sources)) if image else build())
+             lambda: added.add_to(image, debian.indexes(debian.Apt().sources), MAVLINK) if image else build())
 
 
 def make(place_in, products_of):

@@ -79,7 +79,7 @@ def tested_disk(out, image, slot, _hash):
             disk.write(data)
 
 
-def add_to(image, indexes):
+def add_to(image, indexes, mavlink):
     """{product's name: path} for a release image; its boot loader lies beside it."""
     image = Path(image).resolve()
     loader = image.with_name("u-boot.bin")
@@ -87,7 +87,7 @@ def add_to(image, indexes):
         if not path.exists():
             raise BuildError(f"{path} is missing: make image BOARD=qemu makes it")
     sysroot = debian.sysroot(debian.packages(indexes, " ".join(root.contents()["packages"])))
-    guest = ours.guest_programs(root.GUEST, inputs=sorted(root.GUEST.glob("*.c")))
+    guest = ours.guest_programs(root.GUEST, mavlink, inputs=[*sorted(root.GUEST.glob("*.c")), mavlink / "common"])
     tree = tested_root(image, sysroot, guest, sha256(image), inputs=[root.GUEST / "root"])
     slot = root.slot(tree, variant="_tested", inputs=[root.SEAL])
     disk = tested_disk(image, slot, sha256(image))

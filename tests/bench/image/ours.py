@@ -49,7 +49,7 @@ set(CMAKE_FIND_ROOT_PATH_MODE_INCLUDE ONLY)
 
 
 @step
-def guest_programs(out, guest):
+def guest_programs(out, guest, mavlink):
     """The bench's own programs built."""
     for source in sorted(Path(guest).glob("*.c")):
-        call(f"{CROSS}gcc", *FLAGS, "-o", out / source.stem, source)
+        call(f"{CROSS}gcc", *FLAGS, "-isystem", mavlink, "-o", out / source.stem, source)
