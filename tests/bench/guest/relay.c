@@ -14,9 +14,9 @@
  * passed on whole; the filters hold for frames of any message, known or not; an endpoint by which a
  * system's component was heard is sent nothing of that one's any more. By our patches
  * (br2-external/patches/mavlink-router): by UDP nothing comes in of a message that isn't known, or
- * with a flag that isn't. Not as it: what has a target goes out by all endpoints, checksums of
- * known messages aren't looked at, and known are those of the dialect common, there
- * ardupilotmega's. */
+ * with a flag that isn't; of a frame for which the serial port had no room the rest goes out before
+ * anything else. Not as it: what has a target goes out by all endpoints, checksums of known
+ * messages aren't looked at, and known are those of the dialect common, there ardupilotmega's. */
 
 #include <arpa/inet.h>
 #include <common/mavlink.h>
@@ -57,6 +57,8 @@ static char device[256];
 static int baud = 57600;
 static int uart = -1;
 static struct filter uart_filter;
+static unsigned char rest[MAVLINK_MAX_PACKET_LEN]; /* of a frame: the port had no room */
+static size_t rest_length;
 static struct udp udps[MAX_UDP];
 static int udp_count;
 
@@ -289,12 +291,39 @@ static bool lives_there(const struct filter *filter, const unsigned char *frame)
     return filter->lives_here[system_of(frame)][component_of(frame)];
 }
 
+/* How much of it the port had room for. */
+static size_t put(const unsigned char *octets, size_t length)
+{
+    ssize_t written = write(uart, octets, length);
+    if (written < 0 && errno != EAGAIN && errno != EINTR)
+        die(device, strerror(errno));
+    return written < 0 ? 0 : (size_t)written;
+}
+
+static void put_rest(void)
+{
+    size_t written = put(rest, rest_length);
+    rest_length -= written;
+    memmove(rest, rest + written, rest_length);
+}
+
+/* Whole, or not at all: what comes behind half a frame would be taken for its other half. */
+static void to_uart(const unsigned char *frame, size_t length)
+{
+    size_t written;
+    if (rest_length > 0)
+        put_rest();
+    if (rest_length > 0 || (written = put(frame, length)) == 0)
+        return;
+    rest_length = length - written;
+    memcpy(rest, frame + written, rest_length);
+}
+
 /* A full buffer or a peer that isn't there loses the frame, as a radio link would. */
 static void pass_on(const struct filter *from, const unsigned char *frame, size_t length)
 {
-    if (from != &uart_filter && !lives_there(&uart_filter, frame) &&
-        write(uart, frame, length) < 0 && errno != EAGAIN && errno != EINTR)
-        die(device, strerror(errno));
+    if (from != &uart_filter && !lives_there(&uart_filter, frame))
+        to_uart(frame, length);
     for (int i = 0; i < udp_count; i++)
         if (&udps[i].filter != from && udps[i].peer.sin_port != 0 &&
             !lives_there(&udps[i].filter, frame))
@@ -370,6 +399,7 @@ static void relay(void)
     for (int i = 0; i < udp_count; i++)
         fds[1 + i] = (struct pollfd){.fd = udps[i].fd, .events = POLLIN};
     for (;;) {
+        fds[0].events = rest_length > 0 ? POLLIN | POLLOUT : POLLIN;
         if (poll(fds, (nfds_t)(1 + udp_count), -1) < 0) {
             if (errno == EINTR)
                 continue;
@@ -379,6 +409,8 @@ static void relay(void)
             die(device, "hung up");
         if (fds[0].revents & POLLIN)
             from_uart();
+        if (fds[0].revents & POLLOUT)
+            put_rest();
         for (int i = 0; i < udp_count; i++)
             if (fds[1 + i].revents)
                 from_udp(&udps[i]);

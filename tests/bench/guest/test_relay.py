@@ -326,6 +326,27 @@ def test_an_autopilot_may_say_what_is_newer_than_we_are(program, tmp_path, flags
         line.close()
 
 
+def test_a_line_that_is_full_takes_whole_frames_or_none(program, tmp_path):
+    """What comes behind half a frame is taken for its other half."""
+    line = Line(program, tmp_path)
+    try:
+        address = line.addresses()[0]
+        one, behind = serial_control(STATION), heartbeat(STATION)
+        sent = 150_000 // len(one)
+        for _ in range(sent):
+            line.peers[0].sendto(one, address)
+            assert line.peers[1].recv(1000) == one  # it has been passed on, as far as it could be
+        octets = b""
+        while select.select([line.master], [], [], 0.2)[0]:  # nothing comes any more
+            octets += os.read(line.master, 100_000)
+        line.peers[0].sendto(behind, address)
+        octets += arrived(line, behind)
+        assert len(octets) < sent * len(one), "it wasn't full"
+        assert octets.replace(one, b"") == b""
+    finally:
+        line.close()
+
+
 @pytest.mark.parametrize("uart, arrives", [("", False), ("BlockSrcCompIn = 236,237,238\n", True)], ids=["open", "blocked"])
 def test_who_speaks_as_the_transmitter_by_the_autopilot_s_line_makes_that_one_unheard(program, tmp_path, uart, arrives):
     """Once, whatever it is: mavlink-router has learned then that the transmitter lives there."""
