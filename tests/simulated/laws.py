@@ -115,7 +115,7 @@ def said_as_the_judge_has_it(flight, judgement):
             one.kind in LATE_TOO and flight.world.late[0] or
             (one.kind in HOW_OLD or one.kind == "played.system_time") and was_away(flight, one.channel, at_s) or
             one.kind.startswith("played.") and fix_was_doubted(flight, at_s) or
-            one.kind in KNOWN_SOON and just_restarted(flight, at_s))
+            one.kind in KNOWN_SOON and just_restarted(flight, one.channel, at_s))
         if not excused:
             yield f"{one.kind} at {at_s:.3f} s on {one.channel}: {one.what}; expected {one.expected}, found {one.found}"
 
@@ -159,8 +159,9 @@ KNOWN_SOON = {"played.altitude", "played.system_time", "played.time", "played.ti
 SECOND_S = 1.0
 
 
-def just_restarted(flight, at_s):
-    there = [one for one in flight.windows if one.fault.channels == ALL]
+def just_restarted(flight, channel, at_s):
+    """A radio that was away meanwhile begins with what the new one said first."""
+    there = [one for one in flight.windows if one.channel == (channel or ALL[0])]
     return any(one.fault.restarts and one.begin_s <= at_s <= heard_until_s(one, there, lateness_s(flight)) + SECOND_S
                for one in there)
 

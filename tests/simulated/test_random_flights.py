@@ -16,6 +16,8 @@ EVER_FAILED = {
         "full", "serial", (0.3, 150000), False, [("gnss_lost", 233.95, 5.78)])),
     "the first native position held newer ones of telemetry back": (1065, (
         "full", "udp", (0.0, 0), True, [("keeper_killed", 96.95, 1.8)])),
+    "a radio that was away began with a place without a time": (20568, (
+        "full", "serial", (0.0, 0), True, [("daemon_killed", 395.12, 20.54), ("hostapd_disabled", 395.52, 5.76)])),
     "the receiver's accuracy of now stood beside a place of before": (1207, (
         "full", "udp", (0.3, 150000), False, [
             ("controller_slow", 44.18, 2.25), ("hostapd_refuses", 73.08, 20.09), ("foreign_disable", 86.54, 23.47),
