@@ -43,7 +43,7 @@ class Autopilot:
         self.rewrite = None
         self._clock_ms = 0  # how much less its clock says since it started again
         self.said, self.asked = [], []
-        self._decoder, self._link = tlog.Decoder(), common.MAVLink(None, srcSystem=1, srcComponent=1)
+        self._decoder, self._link = tlog.Decoder(), common.MAVLink(None)
         self.device = connect(self._listen)
         self._begun_us, self._next = world.now_us, 0
         world.at(self._begun_us, self._play)
@@ -71,6 +71,7 @@ class Autopilot:
             return None, None
         if hasattr(message, "time_boot_ms"):
             message.time_boot_ms -= self._clock_ms
+        self._link.srcSystem, self._link.srcComponent = message.get_srcSystem(), message.get_srcComponent()
         self._link.seq = message.get_seq()
         return message.pack(self._link), fields_of(tlog.as_record(message)) if fields else None
 

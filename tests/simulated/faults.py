@@ -63,7 +63,7 @@ def refuse_data(flight):
 
 def lose_gnss(message):
     """As ArduPilot says it: its native LOCATION goes on with the last accuracy, and has no time."""
-    if message.get_type() == "GPS_RAW_INT":
+    if message.get_type() in ("GPS_RAW_INT", "GPS2_RAW"):
         message.fix_type = 1
     elif message.get_type() == "OPEN_DRONE_ID_LOCATION":
         message.timestamp = 65535

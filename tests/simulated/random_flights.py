@@ -30,6 +30,7 @@ if __package__ is None:
 
 from host import front, parts, program
 from host.flight import write_flight
+from simulated.autopilots import KINDS
 from simulated.faults import BY_NAME, FAULTS
 from simulated.flight import WARM_UP_S, Flight
 from simulated.laws import broken_laws
@@ -38,18 +39,19 @@ from simulated.world import START_US, Ended
 FOLDER = parts.ROOT / "build/simulated"
 LATE = ((0.0, 0), (0.0, 0), (0.1, 40_000), (0.3, 150_000))  # share of wake-ups, most
 REST_S = 15.0  # after a fault, at least
-FLIGHTS, LOGS = 8, []
+AUTOPILOTS = [(kind, number) for number, kind in enumerate(KINDS)]  # each flies a way of its own
+LOGS = []
 KEPT = 0.25  # with odid-keeper and the others: so many of the flights
 LAST_EVENTS = 8
 TWO = 0.25  # so many of the faults aren't done alone
-Plan = namedtuple("Plan", "mode link late kept faults")  # faults: (Fault, at_s, seconds)
+Plan = namedtuple("Plan", "mode link late kept autopilot faults")  # autopilot: (kind, way); faults: (Fault, at_s, seconds)
 
 
 def plan(seed, until_s):
     """What that seed's world is, and what is done in it."""
     chance = random.Random(f"flight {seed}")
     mode, late, kept, faults = chance.choice(front.MODES), chance.choice(LATE), chance.random() < KEPT, []
-    link = chance.choice(("serial", "udp"))
+    link, autopilot = chance.choice(("serial", "udp")), chance.choice(AUTOPILOTS)
     possible = [fault for fault in FAULTS if kept or not fault.kept]
     at_s = WARM_UP_S + chance.uniform(5, 20)
     while at_s < until_s - 2 * REST_S:
@@ -62,7 +64,7 @@ def plan(seed, until_s):
             faults.append((chance.choice(others), begin_s, seconds))
             over_s = max(over_s, begin_s + seconds)
         at_s = over_s + REST_S + chance.expovariate(1 / 15)
-    return Plan(mode, link, late, kept, faults)
+    return Plan(mode, link, late, kept, autopilot, faults)
 
 
 def some_seconds(chance):
@@ -74,9 +76,9 @@ def may_be_beside(one, other):
     return one.part != other.part and not (one.told and other.restarts or other.told and one.restarts)
 
 
-def planned(mode, link, late, kept, faults):
+def planned(mode, link, late, kept, autopilot, faults):
     """As `written` says it: a flight that failed once is kept so, for what a seed means changes with each new fault."""
-    return Plan(mode, link, late, kept, [(BY_NAME[name], at_s, seconds) for name, at_s, seconds in faults])
+    return Plan(mode, link, late, kept, autopilot, [(BY_NAME[name], at_s, seconds) for name, at_s, seconds in faults])
 
 
 def written(what):
@@ -84,20 +86,19 @@ def written(what):
 
 
 @functools.cache
-def flight_log(number, seconds):
-    """One of a few flights: what is done in them makes the difference. Half of them say where they are twice, as ArduPilot
-    does."""
+def flight_log(kind, way, seconds):
+    """One of a few flights: what is done in them makes the difference."""
     if not LOGS:
         LOGS.append(tempfile.TemporaryDirectory(prefix="odid-flights-"))
-    path = Path(LOGS[0].name, f"{number}.tlog")
-    write_flight(path, seconds, seed=number, native_hz=number % 2 / 1.05)
+    path = Path(LOGS[0].name, f"{kind}-{way}.tlog")
+    write_flight(path, seconds, seed=way, **KINDS[kind])
     return path
 
 
 def fly(seed, until_s, what, folder):
     """The laws that were broken, how long it took, and a hash of what was heard."""
     folder.mkdir(parents=True, exist_ok=True)
-    begun, log = time.monotonic(), flight_log(seed % FLIGHTS, until_s + 10)
+    begun, log = time.monotonic(), flight_log(*what.autopilot, until_s + 10)
     gc.disable()  # a flight makes a million objects and hardly a cycle: looking for these takes a tenth of the time
     flight = Flight(folder, log, seed, what.mode, late=what.late, kept=what.kept, link=what.link)
     try:
@@ -146,7 +147,7 @@ def smaller(seed, until_s, what, folder):
 
 def told(what):
     late = f"late at {what.late[0]:.0%} of its wake-ups by up to {what.late[1] / 1000:.0f} ms" if what.late[0] else "never late"
-    return "\n".join([f"  {what.mode}, {what.link}, {late}{', with its keeper, recorder and clock' if what.kept else ''}", *(
+    return "\n".join([f"  {what.autopilot[0]}, {what.mode}, {what.link}, {late}{', with its keeper, recorder and clock' if what.kept else ''}", *(
         f"  {at_s:7.2f} s  {fault.name}{f' for {seconds:.2f} s' if fault.end else ''}" for fault, at_s, seconds in what.faults)])
 
 
@@ -192,8 +193,8 @@ def main():
     minutes = number("MINUTES", "10")
     seeds, jobs = asked(minutes), int(number("JOBS", str(os.cpu_count())))
     failed, took_s, faults, heard, begun = 0, 0.0, 0, hashlib.sha256(), time.monotonic()
-    for log in range(FLIGHTS):
-        flight_log(log, minutes * 60 + 10)  # once, and not by each process
+    for autopilot in AUTOPILOTS:
+        flight_log(*autopilot, minutes * 60 + 10)  # once, and not by each process
     fork, jobs = multiprocessing.get_context("fork"), min(jobs, len(seeds))
     processors = fork.SimpleQueue()
     for _, processor in zip(range(jobs), itertools.cycle(sorted(os.sched_getaffinity(0)))):

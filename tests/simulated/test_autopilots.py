@@ -8,6 +8,7 @@ from host.flight import START_UNIX_S, write_flight
 from pymavlink.dialects.v20 import common
 from receiver.messages import Location, SelfId, System
 
+from .autopilots import climbs_downward, kind, operator_from_a_ground_station, second_receiver
 from .flight import Flight
 from .world import START_US
 
@@ -15,17 +16,10 @@ FLIGHT_S = 24
 UNKNOWN, GROUND, AIRBORNE, EMERGENCY, FAILURE = range(5)  # Location.Status
 TAKEOFF, LIVE = 0, 1  # System's operator location type
 DISARMED = 0x51
-EPOCH_2019_S = 1546300800
-# One of the ground station's own: MAVProxy counts from 1546261200.
-AHEAD_S = 39600
 LATE_S = 0.3  # the slots, and the advertising interval
 
 Case = namedtuple("Case", "changed holds")
 Heard = namedtuple("Heard", "flight_s message")
-
-
-def kind(message):
-    return message.get_type()
 
 
 def of(heard, wanted, from_s=0.0, to_s=FLIGHT_S):
@@ -113,9 +107,7 @@ def has_one_of_two_receivers_dead(craft, message):
     """GPS_RAW_INT is always the first one's."""
     if kind(message) != "GPS_RAW_INT" or craft.time_s < 10:
         return [message]
-    second = common.MAVLink_gps2_raw_message(
-        message.time_usec, 3, message.lat, message.lon, message.alt, 80, 120, message.vel, message.cog, 11, 0, 0, 0,
-        message.alt_ellipsoid, 1200, 2000, 300)
+    second = second_receiver(message)
     message.fix_type = 1
     return [message, second]
 
@@ -222,13 +214,6 @@ def is_right_again_in_ten_seconds(heard):
         assert abs(one.message.timestamp_s - START_UNIX_S % 3600 - one.flight_s) < 0.5 + LATE_S
 
 
-def climbs_downward(craft, message):
-    """ArduPilot before September 2018."""
-    if kind(message) == "GLOBAL_POSITION_INT":
-        message.vz = -message.vz
-    return [message]
-
-
 def climbs_upward_on_the_air(heard):
     """By the altitudes that are heard beside it."""
     known, pairs = [one for one in of(heard, Location, 15)], 0
@@ -267,24 +252,6 @@ def arms_before_its_fix(craft, message):
 def has_height_and_operator(heard):
     assert all(one.height_m is not None for one in places(heard, 10))
     assert all(one.message.operator_latitude_deg is not None for one in of(heard, System, 10))
-
-
-def operator_from_a_ground_station(every_s):
-    """Where its operator stands, and what time it believes it is."""
-    def changed(craft, message):
-        if kind(message) != "HEARTBEAT":
-            return [message]
-        here = common.MAVLink_heartbeat_message(
-            common.MAV_TYPE_GCS, common.MAV_AUTOPILOT_INVALID, 0, 0, common.MAV_STATE_ACTIVE, 3)
-        here.ground_station = True
-        if craft.time_s % every_s >= 1:
-            return [message, here]
-        system = common.MAVLink_open_drone_id_system_message(
-            1, 0, [0] * 20, LIVE, 0, 578000000, 118000000, 1, 0, -1000, -1000, 0, 0, 20,
-            START_UNIX_S + int(craft.time_s) - EPOCH_2019_S + AHEAD_S)
-        system.ground_station = True
-        return [message, here, system]
-    return changed
 
 
 def is_live_and_on_time(heard):

@@ -1,0 +1,67 @@
+"""Kinds of autopilots, and who speaks beside them: each does what real ones were seen to do. A kind's options are
+host/flight.py's; `changed` gives the messages that are sent instead of one."""
+
+from host.flight import START_UNIX_S
+from pymavlink.dialects.v20 import common
+
+EPOCH_2019_S = 1546300800
+# One of the ground station's own: MAVProxy counts from 1546261200.
+AHEAD_S = 39600
+
+
+def kind(message):
+    return message.get_type()
+
+
+def climbs_downward(craft, message):
+    """ArduPilot before September 2018."""
+    if kind(message) == "GLOBAL_POSITION_INT":
+        message.vz = -message.vz
+    return [message]
+
+
+def is_px4(craft, message):
+    if kind(message) == "HEARTBEAT":
+        message.autopilot = common.MAV_AUTOPILOT_PX4
+    return [message]
+
+
+def second_receiver(message):
+    """What another one says beside GPS_RAW_INT, which is always the first one's."""
+    return common.MAVLink_gps2_raw_message(
+        message.time_usec, message.fix_type, message.lat, message.lon, message.alt, 80, 120, message.vel, message.cog, 11, 0, 0, 0,
+        message.alt_ellipsoid, 1200, 2000, 300)
+
+
+def has_two_receivers(craft, message):
+    return [message, second_receiver(message)] if kind(message) == "GPS_RAW_INT" else [message]
+
+
+def operator_from_a_ground_station(every_s):
+    """Where its operator stands, and what time it believes it is."""
+    def changed(craft, message):
+        if kind(message) != "HEARTBEAT":
+            return [message]
+        here = common.MAVLink_heartbeat_message(
+            common.MAV_TYPE_GCS, common.MAV_AUTOPILOT_INVALID, 0, 0, common.MAV_STATE_ACTIVE, 3)
+        here.ground_station = True
+        if craft.time_s % every_s >= 1:
+            return [message, here]
+        system = common.MAVLink_open_drone_id_system_message(
+            1, 0, [0] * 20, common.MAV_ODID_OPERATOR_LOCATION_TYPE_LIVE_GNSS, 0, 578000000, 118000000, 1, 0, -1000, -1000, 0, 0, 20,
+            START_UNIX_S + int(craft.time_s) - EPOCH_2019_S + AHEAD_S)
+        system.ground_station = True
+        return [message, here, system]
+    return changed
+
+
+KINDS = {
+    "ArduPilot": {},
+    "ArduPilot with Open Drone ID": {"native_hz": 1 / 1.05},
+    "ArduPilot with Open Drone ID, 10 Hz": {"rate_hz": 10, "native_hz": 1 / 0.9},
+    "ArduPilot with Open Drone ID, late": {"native_hz": 1 / 1.5},
+    "ArduPilot before September 2018": {"changed": climbs_downward},
+    "ArduPilot with two receivers": {"changed": has_two_receivers},
+    "ArduPilot and a ground station": {"changed": operator_from_a_ground_station(1)},
+    "PX4": {"rate_hz": 10, "native_hz": 1, "changed": is_px4},
+}
