@@ -220,6 +220,24 @@ static void compare_versions(struct update_board *board)
     }
 }
 
+/* Of what worked before. In a trial settings may be saved, and keys taken away. */
+static void ask_no_more_for_what_was_switched_off(struct json_object *status)
+{
+    struct stat keys;
+
+    if (self.configured_anew) {
+        unsigned disabled = update_channels_disabled(status);
+
+        self.expectation.channels &= ~disabled;
+        if ((disabled & 1U << CHANNEL_WIFI) != 0) {
+            update_services_forget(&self.expectation.wanted, "hostapd");
+        }
+    }
+    if (stat(SSH_KEYS, &keys) < 0 || keys.st_size == 0) {
+        update_services_forget(&self.expectation.wanted, "dropbear");
+    }
+}
+
 static void look(struct update_board *board, int64_t now_us)
 {
     struct json_object *status = ask(board);
@@ -235,9 +253,7 @@ static void look(struct update_board *board, int64_t now_us)
             self.configured_anew = true;
             update_try(&self.update, self.version, now_us);
         }
-        if (self.configured_anew) { /* whoever did that may have switched one off */
-            self.expectation.channels &= ~update_channels_disabled(status);
-        }
+        ask_no_more_for_what_was_switched_off(status);
         update_judge(&self.expectation, status, &services, board);
         compare_versions(board);
     } else if (self.update.state == UPDATE_INSTALLING && take_channels(status)) {

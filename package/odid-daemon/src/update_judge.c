@@ -140,6 +140,15 @@ static const struct update_service *find(const struct update_services *services,
     return NULL;
 }
 
+void update_services_forget(struct update_services *services, const char *name)
+{
+    for (unsigned i = 0; i < services->count; i++) {
+        if (strcmp(services->service[i].name, name) == 0) {
+            services->service[i].pid = 0;
+        }
+    }
+}
+
 /* ---- both ---- */
 
 static bool complain(struct update_board *board, const char *format, ...)

@@ -43,6 +43,9 @@ struct update_services {
  */
 void update_services_read(struct update_services *services, const char *directory);
 
+/* From now on name isn't one that ran. */
+void update_services_forget(struct update_services *services, const char *name);
+
 /* ---- both ---- */
 
 /*

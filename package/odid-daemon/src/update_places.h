@@ -22,5 +22,7 @@
 #define MAINTENANCE STATE "/maintenance-asked"
 #define MAINTENANCE_AGAIN DATA "/odid/maintenance-asked"
 #define CONFIGURATION DATA "/odid/odid.conf"
+/* Without one dropbear doesn't listen. */
+#define SSH_KEYS DATA "/ssh/authorized_keys"
 
 #endif

@@ -39,6 +39,7 @@
 #define MAINTENANCE STATE "/maintenance-asked"
 #define MAINTENANCE_AGAIN DATA "/odid/maintenance-asked"
 #define CONFIGURATION DATA "/odid/odid.conf"
+#define SSH_KEYS DATA "/ssh/authorized_keys"
 
 int odid_update_main(int argc, char *argv[]);
 static int model_kill(pid_t process, int signal);
@@ -68,6 +69,7 @@ static struct {
     bool full;             /* /data, but for what the record takes */
     bool armed, arms_while_flushing;
     const char *bt5;          /* its state; Bluetooth 4 is on the air */
+    const char *wifi;         /* likewise; NULL: absent */
     char report;              /* to hawkBit's server */
     unsigned restarts, ended; /* init was told to restart; SWUpdate was ended */
 } board;
@@ -182,8 +184,9 @@ struct json_object *model_fetch(const char *run_dir, int *error)
     snprintf(text, sizeof(text),
              "{\"aircraft\":{\"armed\":%s},\"uptime_s\":100,\"channels\":{"
              "\"bt4\":{\"state\":\"on air\",\"confirmed_s\":0.1,\"required\":true},"
-             "\"bt5\":{\"state\":\"%s\",\"confirmed_s\":0.1,\"required\":true}}}",
-             board.armed ? "true" : "false", board.bt5);
+             "\"bt5\":{\"state\":\"%s\",\"confirmed_s\":0.1,\"required\":true},"
+             "\"wifi\":{\"state\":\"%s\",\"confirmed_s\":0.1,\"required\":true}}}",
+             board.armed ? "true" : "false", board.bt5, board.wifi == NULL ? "absent" : board.wifi);
     return json_tokener_parse(text);
 }
 
@@ -277,8 +280,9 @@ static int setup(void **state)
     memset(&board, 0, sizeof(board));
     board.bt5 = "absent";
     now_us = 100 * SECOND_US;
-    assert_int_equal(
-        system("rm -rf data state faults swupdate.hawkbit && mkdir -p data/odid state faults"), 0);
+    assert_int_equal(system("rm -rf data state faults services swupdate.hawkbit && "
+                            "mkdir -p data/odid data/ssh state faults"),
+                     0);
     return 0;
 }
 
@@ -451,6 +455,78 @@ static void a_channel_that_is_switched_off_is_not_asked_for(void **state)
     }
 }
 
+static void a_service_runs(const char *name, const char *pid)
+{
+    char path[64];
+
+    snprintf(path, sizeof(path), "mkdir -p " SERVICES "/%s/supervise", name);
+    assert_int_equal(system(path), 0);
+    snprintf(path, sizeof(path), SERVICES "/%s/supervise/pid", name);
+    put(path, pid);
+}
+
+/* On trial, and hostapd and dropbear ran before. */
+static void slot_b_is_on_trial_with_services(void)
+{
+    a_service_runs("hostapd", "120\n");
+    a_service_runs("dropbear", "130\n");
+    put(CONFIGURATION, "");
+    put(SSH_KEYS, "ssh-ed25519 AAAA\n");
+    board.wifi = "on air";
+    slot_b_is_on_trial();
+}
+
+static void it_is_kept(bool kept)
+{
+    pass(70);
+    assert_int_equal(board.variables.trial_failed, kept ? '\0' : 'b');
+    assert_int_equal(board.variables.slot, kept ? 'b' : 'a');
+}
+
+/* Between the writing and the restart, or in the trial. */
+static void wifi_is_switched_off_and_hostapd_is_not_asked_for(void **state)
+{
+    for (unsigned restarted = 0; restarted < 2; restarted++) {
+        setup(state);
+        slot_b_is_on_trial_with_services();
+        if (!restarted) {
+            pass(5);
+        }
+        put(CONFIGURATION, "[broadcast]\nwifi_beacon_enabled = false\n");
+        if (restarted) {
+            begin(true);
+        }
+        board.wifi = "disabled";
+        a_service_runs("hostapd", "");
+        it_is_kept(true);
+    }
+    setup(state); /* what nobody has switched off is */
+    slot_b_is_on_trial_with_services();
+    a_service_runs("hostapd", "");
+    it_is_kept(false);
+}
+
+/* Then dropbear waits for one. */
+static void the_keys_are_taken_away_and_ssh_is_not_asked_for(void **state)
+{
+    setup(state);
+    slot_b_is_on_trial_with_services();
+    assert_int_equal(unlink(SSH_KEYS), 0);
+    a_service_runs("dropbear", "");
+    it_is_kept(true);
+
+    setup(state);
+    slot_b_is_on_trial_with_services();
+    put(SSH_KEYS, "");
+    a_service_runs("dropbear", "");
+    it_is_kept(true);
+
+    setup(state);
+    slot_b_is_on_trial_with_services();
+    a_service_runs("dropbear", "");
+    it_is_kept(false);
+}
+
 /* Its stick would offer it again at every start, as newer than what runs. */
 static void what_is_not_the_version_that_was_offered_is_rolled_back(void **state)
 {
@@ -599,6 +675,8 @@ int main(void)
         cmocka_unit_test_setup(a_server_that_ends_swupdate_is_left_alone, setup),
         cmocka_unit_test_setup(a_channel_that_ends_with_the_new_version_ends_its_trial, setup),
         cmocka_unit_test_setup(a_channel_that_is_switched_off_is_not_asked_for, setup),
+        cmocka_unit_test_setup(wifi_is_switched_off_and_hostapd_is_not_asked_for, setup),
+        cmocka_unit_test_setup(the_keys_are_taken_away_and_ssh_is_not_asked_for, setup),
         cmocka_unit_test_setup(what_is_not_the_version_that_was_offered_is_rolled_back, setup),
         cmocka_unit_test_setup(a_rolled_back_one_is_remembered_where_data_is_full, setup),
         cmocka_unit_test_setup(a_server_is_told_of_its_own_updates_only, setup),
