@@ -120,6 +120,7 @@ static void keep_result(enum update_outcome outcome, const char *to, const char 
     bool recorded = outcome != UPDATE_REFUSED && self.record.from[0] != '\0';
     bool decided = outcome != UPDATE_REFUSED || !self.beside;
 
+    result.from_server = recorded && self.record.from_server;
     snprintf(result.from, sizeof(result.from), "%s", recorded ? self.record.from : self.version);
     snprintf(result.to, sizeof(result.to), "%s", to);
     vsnprintf(result.sentence, sizeof(result.sentence), format, arguments);
@@ -673,6 +674,8 @@ static void resume(bool first, int64_t now_us)
         snprintf(self.configuration, sizeof(self.configuration), "%s", self.record.configuration);
         update_try(&self.update, self.version, now_us);
         if (!recorded && was_given_up()) {
+            self.record.from_server = update_result_is_server_s(DATA);
+            snprintf(self.reason, sizeof(self.reason), "It failed its trial.");
             give_up(now_us);
         }
     } else if (is_trial(variables, self.other) && fallback[0] == '\0') {

@@ -70,11 +70,11 @@ static int remember_failed(const char *data, const struct update_result *result)
     return result->outcome != UPDATE_INSTALLED || unlink(path) == 0 || errno == ENOENT ? 0 : -errno;
 }
 
+static const char *const outcomes[] = {
+    [UPDATE_INSTALLED] = "installed", [UPDATE_REFUSED] = "refused", [UPDATE_BACK] = "rolled-back"};
+
 int update_write_result(const char *data, const struct update_result *result, time_t time)
 {
-    static const char *const outcomes[] = {[UPDATE_INSTALLED] = "installed",
-                                           [UPDATE_REFUSED] = "refused",
-                                           [UPDATE_BACK] = "rolled-back"};
     struct json_object *object = json_object_new_object();
     int remembered = remember_failed(data, result), written;
     char when[32] = "";
@@ -88,8 +88,28 @@ int update_write_result(const char *data, const struct update_result *result, ti
     add(object, "to", text(result->to));
     add(object, "outcome", text(outcomes[result->outcome]));
     add(object, "sentence", text(result->sentence));
+    add(object, "from_server", json_object_new_boolean(result->from_server));
     written = replace(data, UPDATE_RESULT_FILE, object);
     return written < 0 ? written : remembered;
+}
+
+bool update_result_is_server_s(const char *data)
+{
+    char path[PATH_SIZE], *content;
+    struct json_object *object;
+    const char *outcome;
+    size_t length;
+    bool is;
+
+    snprintf(path, sizeof(path), "%s/%s", data, UPDATE_RESULT_FILE);
+    content = whole_file_read(path, RECORD_MAX, &length);
+    object = content == NULL ? NULL : json_tokener_parse(content);
+    outcome = json_object_get_string(json_object_object_get(object, "outcome"));
+    is = outcome != NULL && strcmp(outcome, outcomes[UPDATE_BACK]) == 0 &&
+         json_object_get_boolean(json_object_object_get(object, "from_server"));
+    json_object_put(object);
+    free(content);
+    return is;
 }
 
 /* ---- record ---- */

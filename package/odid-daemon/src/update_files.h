@@ -24,6 +24,7 @@ struct update_result {
     enum update_outcome outcome;
     char from[UPDATE_VERSION_SIZE], to[UPDATE_VERSION_SIZE]; /* to empty: not known */
     char sentence[UPDATE_SENTENCE_SIZE];
+    bool from_server; /* as the record has it, which is gone then */
 };
 
 /* Written when an install begins, removed when its outcome is kept. */
@@ -43,6 +44,9 @@ int update_write_state(const char *directory, const struct update *update);
 /* time: when the clock is known to be right, or 0. Whatever comes after it, the version that was
  * rolled back is remembered until one is installed. */
 int update_write_result(const char *data, const struct update_result *result, time_t time);
+
+/* Was the last result a roll-back, of a hawkBit server's update? */
+bool update_result_is_server_s(const char *data);
 
 int update_write_record(const char *data, const struct update_record *record);
 

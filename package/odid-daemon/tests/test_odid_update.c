@@ -68,6 +68,7 @@ static struct {
     bool writable, spoilt; /* the other slot */
     bool full;             /* /data, but for what the record takes */
     bool armed, arms_while_flushing;
+    bool silent;              /* the daemon never answered since power-on */
     const char *bt5;          /* its state; Bluetooth 4 is on the air */
     const char *wifi;         /* likewise; NULL: absent */
     char report;              /* to hawkBit's server */
@@ -181,6 +182,9 @@ struct json_object *model_fetch(const char *run_dir, int *error)
     char text[512];
 
     (void)run_dir, (void)error;
+    if (board.silent) {
+        return NULL;
+    }
     snprintf(text, sizeof(text),
              "{\"aircraft\":{\"armed\":%s},\"uptime_s\":100,\"channels\":{"
              "\"bt4\":{\"state\":\"on air\",\"confirmed_s\":0.1,\"required\":true},"
@@ -195,7 +199,7 @@ int kept_read(const char *directory, struct kept *kept)
     (void)directory;
     memset(kept, 0, sizeof(*kept));
     kept->armed = board.armed ? KEPT_ARMED : KEPT_DISARMED;
-    return 0;
+    return board.silent ? -ENOENT : 0;
 }
 
 /* ---- how it begins ---- */
@@ -617,6 +621,34 @@ static void a_failed_trial_stays_failed_over_its_own_restart(void **state)
     assert_false(board.spoilt);
 }
 
+/* Its reason is kept, and power fails before U-Boot's variables are written. */
+static void power_fails_in_a_roll_back(void)
+{
+    board.silent = true;
+    pass(70);
+    assert_true(board.restarts > 0);
+    mark();
+    board.report = '1'; /* as SWUpdate left it */
+    board.restarts = 0;
+    begin(true);
+}
+
+/* Whether the daemon answers or not: it may be what failed. */
+static void a_roll_back_goes_on_after_a_power_cut(void **state)
+{
+    for (unsigned source = UPDATE_SOURCE_SERVER; source <= UPDATE_SOURCE_OTHER; source++) {
+        setup(state);
+        slot_b_is_on_trial_from(source);
+        power_fails_in_a_roll_back();
+        assert_int_equal(board.variables.slot, 'a');
+        assert_int_equal(board.variables.trial_failed, 'b');
+        assert_int_equal(board.report, source == UPDATE_SOURCE_SERVER ? UPDATE_REPORT_FAILED
+                                                                      : UPDATE_REPORT_NOTHING);
+        pass(60);
+        assert_true(board.restarts > 0);
+    }
+}
+
 /* In its last second, and SWUpdate marks the slot before it is ended. */
 static void what_was_called_off_is_not_started(void **state)
 {
@@ -681,6 +713,7 @@ int main(void)
         cmocka_unit_test_setup(a_rolled_back_one_is_remembered_where_data_is_full, setup),
         cmocka_unit_test_setup(a_server_is_told_of_its_own_updates_only, setup),
         cmocka_unit_test_setup(a_failed_trial_stays_failed_over_its_own_restart, setup),
+        cmocka_unit_test_setup(a_roll_back_goes_on_after_a_power_cut, setup),
         cmocka_unit_test_setup(what_was_called_off_is_not_started, setup),
         cmocka_unit_test_setup(what_was_called_off_before_the_gate_is_not_written, setup),
         cmocka_unit_test_setup(who_arms_while_it_flushes_is_not_restarted, setup),

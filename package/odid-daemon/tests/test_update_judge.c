@@ -218,6 +218,7 @@ static void a_result(void **state)
     struct update_result result = {.outcome = UPDATE_BACK,
                                    .from = "1.0.0",
                                    .to = "1.2.0\xff\n",
+                                   .from_server = true,
                                    .sentence = "Version 1.2.0 was rolled back: \"why\"."};
 
     (void)state;
@@ -226,11 +227,16 @@ static void a_result(void **state)
     expect_text("odid/update.json",
                 "{ \"time\": \"2027-01-15T08:00:00Z\", \"from\": \"1.0.0\", \"to\": \"1.2.0??\", "
                 "\"outcome\": \"rolled-back\", "
-                "\"sentence\": \"Version 1.2.0 was rolled back: \\\"why\\\".\" }\n");
+                "\"sentence\": \"Version 1.2.0 was rolled back: \\\"why\\\".\", "
+                "\"from_server\": true }\n");
+    assert_true(update_result_is_server_s(folder));
     result = (struct update_result){.outcome = UPDATE_REFUSED, .from = "1.0.0", .sentence = "No."};
     assert_int_equal(update_write_result(folder, &result, 0), 0);
     expect_text("odid/update.json", "{ \"time\": null, \"from\": \"1.0.0\", \"to\": null, "
-                                    "\"outcome\": \"refused\", \"sentence\": \"No.\" }\n");
+                                    "\"outcome\": \"refused\", \"sentence\": \"No.\", "
+                                    "\"from_server\": false }\n");
+    assert_false(update_result_is_server_s(folder));
+    assert_false(update_result_is_server_s("/nonexistent"));
 }
 
 static void what_was_rolled_back_is_remembered_until_one_is_installed(void **state)
