@@ -163,10 +163,12 @@ static struct json_object *ask(struct update_board *board)
     return status;
 }
 
-static void write_record(void)
+static bool write_record(void)
 {
-    complain("what worked before the update can't be kept",
-             update_write_record(DATA, &self.record));
+    int result = update_write_record(DATA, &self.record);
+
+    complain("what worked before the update can't be kept", result);
+    return result == 0;
 }
 
 /* Adds the channels on the air to the record; false: it has them already. */
@@ -443,7 +445,11 @@ static void begin_record(void)
     identify_configuration(self.record.configuration);
     update_services_read(&self.record.services, SERVICES);
     json_object_put(status);
-    write_record();
+    if (!write_record()) {
+        /* Without a record its trial would pass for one that was given up (was_given_up). */
+        complain("that its version was rolled back before can't be forgotten",
+                 update_forget_back(DATA, self.record.to));
+    }
 }
 
 static void on_progress(int percent, int64_t now_us)

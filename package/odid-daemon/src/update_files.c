@@ -58,6 +58,24 @@ int update_write_state(const char *directory, const struct update *update)
     return replace(directory, UPDATE_STATE_FILE, object);
 }
 
+static int remove_durably(const char *data, const char *name)
+{
+    char path[PATH_SIZE];
+    int fd, result;
+
+    snprintf(path, sizeof(path), "%s/%s", data, name);
+    if (unlink(path) < 0) {
+        return errno == ENOENT ? 0 : -errno;
+    }
+    *strrchr(path, '/') = '\0';
+    fd = open(path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    result = fd < 0 || fsync(fd) < 0 ? -errno : 0;
+    if (fd >= 0) {
+        close(fd);
+    }
+    return result;
+}
+
 static int remember_failed(const char *data, const struct update_result *result)
 {
     char path[PATH_SIZE], line[UPDATE_VERSION_SIZE + 1];
@@ -91,6 +109,15 @@ int update_write_result(const char *data, const struct update_result *result, ti
     add(object, "from_server", json_object_new_boolean(result->from_server));
     written = replace(data, UPDATE_RESULT_FILE, object);
     return written < 0 ? written : remembered;
+}
+
+int update_forget_back(const char *data, const char *version)
+{
+    char path[PATH_SIZE], back[UPDATE_VERSION_SIZE];
+
+    snprintf(path, sizeof(path), "%s/%s", data, UPDATE_BACK_FILE);
+    whole_file_line(path, back, sizeof(back));
+    return strcmp(back, version) == 0 ? remove_durably(data, UPDATE_BACK_FILE) : 0;
 }
 
 bool update_result_is_server_s(const char *data)
@@ -194,18 +221,5 @@ int update_read_record(const char *data, struct update_record *record)
 
 int update_remove_record(const char *data)
 {
-    char path[PATH_SIZE];
-    int fd, result;
-
-    snprintf(path, sizeof(path), "%s/%s", data, UPDATE_RECORD_FILE);
-    if (unlink(path) < 0) {
-        return errno == ENOENT ? 0 : -errno;
-    }
-    *strrchr(path, '/') = '\0';
-    fd = open(path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    result = fd < 0 || fsync(fd) < 0 ? -errno : 0;
-    if (fd >= 0) {
-        close(fd);
-    }
-    return result;
+    return remove_durably(data, UPDATE_RECORD_FILE);
 }

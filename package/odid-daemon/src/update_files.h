@@ -48,6 +48,9 @@ int update_write_result(const char *data, const struct update_result *result, ti
 /* Was the last result a roll-back, of a hawkBit server's update? */
 bool update_result_is_server_s(const char *data);
 
+/* Where version is the one that was rolled back: it is to be tried again. */
+int update_forget_back(const char *data, const char *version);
+
 int update_write_record(const char *data, const struct update_record *record);
 
 /* -ENOENT: none; -EBADMSG: it can't be understood. */

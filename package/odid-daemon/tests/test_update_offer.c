@@ -84,6 +84,18 @@ static void what_nobody_asked_for_is_newer_and_did_not_fail(void **state)
     assert_refused("/data");
 }
 
+/* Its trial has no record then, and what was rolled back is given up without one. */
+static void one_that_was_rolled_back_is_tried_again_where_data_can_be_written(void **state)
+{
+    (void)state;
+    offer.versions.rolled_back = offer.versions.offered;
+    assert_taken();
+    offer.remembers = false;
+    assert_refused("/data");
+    offer.versions.rolled_back = "1.8.0";
+    assert_taken();
+}
+
 static void only_a_daemon_that_answers_says_disarmed(void **state)
 {
     (void)state;
@@ -120,6 +132,8 @@ int main(void)
         cmocka_unit_test_setup(a_person_may_install_what_they_want, begin),
         cmocka_unit_test_setup(nobody_knows_what_a_damaged_configuration_said, begin),
         cmocka_unit_test_setup(what_nobody_asked_for_is_newer_and_did_not_fail, begin),
+        cmocka_unit_test_setup(one_that_was_rolled_back_is_tried_again_where_data_can_be_written,
+                               begin),
         cmocka_unit_test_setup(only_a_daemon_that_answers_says_disarmed, begin),
         cmocka_unit_test_setup(one_update_at_a_time, begin),
         cmocka_unit_test_setup(it_has_to_fit, begin),
