@@ -115,8 +115,11 @@ static const char *not_disarmed(const char *run_dir, struct kept *kept)
     if (kept_read(run_dir, kept) == 0 && kept->armed == KEPT_ARMED) {
         return armed_text;
     }
-    if (!answers(run_dir, &armed) || kept_read(run_dir, kept) < 0) {
+    if (!answers(run_dir, &armed)) {
         return unknown_text;
+    }
+    if (kept_read(run_dir, kept) < 0) {
+        return armed ? armed_text : unknown_text;
     }
     return armed || kept->armed == KEPT_ARMED ? armed_text : NULL;
 }

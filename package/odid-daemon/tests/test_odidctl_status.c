@@ -131,7 +131,7 @@ static void armed_is_what_the_daemon_keeps(void **state)
     assert_string_equal(said, "unknown never 7\n");
 }
 
-/* A file that it couldn't replace. */
+/* A file that it couldn't replace, or make. */
 static void what_it_says_itself_counts_beside_an_old_no(void **state)
 {
     pid_t daemon = answer_with("{\"on_air\": true, \"aircraft\": {\"armed\": true}}");
@@ -140,6 +140,10 @@ static void what_it_says_itself_counts_beside_an_old_no(void **state)
     keep_armed("no");
     assert_int_equal(CALL("armed"), 0);
     assert_string_equal(said, "armed never 7\n");
+    shell("rm run/kept");
+    assert_int_equal(CALL("armed"), 0);
+    assert_string_equal(said, "armed never 0\n");
+    keep_armed("no");
     end(daemon);
 }
 
