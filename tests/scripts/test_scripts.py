@@ -1385,7 +1385,7 @@ def test_settings_that_were_lost_with_the_disk_are_said_to_be(in_memory, copied)
     if copied:
         assert in_memory.fault("settings") is None
     else:
-        assert "Check the serial number and the operator number" in in_memory.fault("settings")
+        assert "Check the serial number, the operator number and prevent_downgrade" in in_memory.fault("settings")
 
 
 def test_a_disk_that_is_mended_and_can_t_be_mounted_is_said_to_be(in_memory):

@@ -46,10 +46,11 @@ bool update_versions_judge(const struct update_versions *versions, char *why, un
                       offered, versions->running);
     }
     if (versions->unreadable && newer < 0) {
-        return refuse(why, size,
-                      "Version %s is older than %s, which is running, and the configuration can't "
-                      "be read: [update] prevent_downgrade may be set. Set it anew on CONFIG.",
-                      offered, versions->running);
+        return refuse(
+            why, size,
+            "Version %s is older than %s, which is running, and the configuration can't "
+            "be read, or was lost: [update] prevent_downgrade may be set. Set it anew on CONFIG.",
+            offered, versions->running);
     }
     return true;
 }

@@ -16,7 +16,7 @@ struct update_versions {
     const char *rolled_back; /* the version that was; "": none */
     bool unattended;
     bool prevent_downgrade; /* [update] prevent_downgrade */
-    bool unreadable;        /* the configuration is: whether that is set isn't known */
+    bool unreadable;        /* the configuration is, or was lost: whether that is set isn't known */
 };
 
 /* Returns whether it may be; else why not, a sentence. */

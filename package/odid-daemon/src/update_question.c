@@ -35,6 +35,13 @@ static bool prevents_downgrade(void)
     return config.update_prevent_downgrade;
 }
 
+/* Where /data was lost, or can't be read, a sound stand-in is in force. */
+static bool is_what_was_set(void)
+{
+    return import_sound(CONFIGURATION) && access(FAULTS "/data", F_OK) < 0 &&
+           access(FAULTS "/settings", F_OK) < 0;
+}
+
 /* Of what is rolled back a mark is kept, else a stick would bring it again and again. A disk that
  * has turned read-only may not have said so yet: it is tried. */
 static bool remembers(void)
@@ -66,7 +73,7 @@ static void fill_offer(struct update_offer *offer, const struct update_bundle *b
                      .rolled_back = rolled_back,
                      .unattended = question->unattended,
                      .prevent_downgrade = prevents_downgrade(),
-                     .unreadable = !import_sound(CONFIGURATION)},
+                     .unreadable = !is_what_was_set()},
         .needed_octets = bundle->slot_octets,
         .slot_octets = update_slot_octets(question->other),
         .undecided = question->beside || known < 0 || variables.upgrade_available,

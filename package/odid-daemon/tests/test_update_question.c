@@ -121,7 +121,7 @@ static int in_a_folder(void **state)
 /* ---- tests ---- */
 
 /* An older one was taken, whatever prevent_downgrade had been. */
-static void an_older_one_is_refused_where_the_configuration_is_damaged(void **state)
+static void an_older_one_is_refused_where_the_configuration_is_damaged_or_lost(void **state)
 {
     (void)state;
     offer("1.0.0");
@@ -135,6 +135,12 @@ static void an_older_one_is_refused_where_the_configuration_is_damaged(void **st
     expect_answer("can't be read");
     unlink(CONFIGURATION);
     expect_answer("can't be read");
+    PUT(CONFIGURATION, "; what the boot has put there\n");
+    PUT(FAULTS "/data", "/data can't be mounted.\n");
+    expect_answer("was lost");
+    unlink(FAULTS "/data");
+    PUT(FAULTS "/settings", "What was set in /data is lost.\n");
+    expect_answer("was lost");
     offer("1.2.0");
     expect_answer("");
 }
@@ -142,7 +148,7 @@ static void an_older_one_is_refused_where_the_configuration_is_damaged(void **st
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(an_older_one_is_refused_where_the_configuration_is_damaged),
+        cmocka_unit_test(an_older_one_is_refused_where_the_configuration_is_damaged_or_lost),
     };
 
     return cmocka_run_group_tests(tests, in_a_folder, leave_own_folder);
