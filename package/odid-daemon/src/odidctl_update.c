@@ -253,19 +253,25 @@ static int hand_over(struct source *source, int installer, const struct odidctl_
     return code;
 }
 
-/* *tried: it was read to its end, whatever came of it, or cost the other slot; else it may be
- * another story next time. What is armed meanwhile breaks it off: that isn't the bundle's. */
-static int install(const struct odidctl_places *places, const char *name, bool *tried)
+/* What a try was that came to nothing. What is armed meanwhile breaks it off: that isn't the
+ * bundle's. */
+struct attempt {
+    bool counts; /* SWUpdate began with it */
+    bool tried;  /* it was read to its end, whatever came of it, or cost the other slot; else it may
+                    be another story next time */
+};
+
+static int install(const struct odidctl_places *places, const char *name, struct attempt *attempt)
 {
     const struct timespec moment = {.tv_nsec = LOOK_MS * 1000000};
     struct before before = look_before(places);
     struct swupdate_request request;
     struct source source;
     int installer, code;
-    bool whole;
+    bool whole, disarmed;
     char octet;
 
-    *tried = false;
+    *attempt = (struct attempt){0};
     if (!open_source(name, &source)) {
         return ODIDCTL_NOT_GOOD;
     }
@@ -282,7 +288,7 @@ static int install(const struct odidctl_places *places, const char *name, bool *
     signal(SIGPIPE, SIG_IGN);
     code = hand_over(&source, installer, places, &before, &whole);
     ipc_end(installer);
-    *tried = read(source.fd, &octet, 1) == 0;
+    attempt->tried = read(source.fd, &octet, 1) == 0;
     whole = close_source(&source) && whole;
     if (code < 0 && !whole) {
         complain_of(name, "could not be read to its end", "");
@@ -294,7 +300,9 @@ static int install(const struct odidctl_places *places, const char *name, bool *
     if (code < 0) {
         fputs("odidctl: nothing looks after updates: what became of it isn't known\n", stderr);
     }
-    *tried = *tried || (before.written && odidctl_not_disarmed(places) == NULL);
+    disarmed = odidctl_not_disarmed(places) == NULL;
+    attempt->tried = attempt->tried || (before.written && disarmed);
+    attempt->counts = attempt->tried || disarmed;
     return code < 0 ? ODIDCTL_NO_ANSWER : code;
 }
 
@@ -394,19 +402,56 @@ static bool is_tried_again(const struct odidctl_places *places, const char *path
     return false;
 }
 
-static void remember_failure(const struct odidctl_places *places, const char *identity)
+static void remember_file(const struct odidctl_places *places, const char *identity)
 {
-    char kept[ODIDCTL_PATH_SIZE], text[16];
     struct stick_files files;
 
     read_stick_files(places, &files);
     memmove(files.identity[1], files.identity[0], sizeof(files) - UPDATE_IDENTITY_SIZE);
     snprintf(files.identity[0], UPDATE_IDENTITY_SIZE, "%s", identity);
     write_stick_files(places, &files);
+}
+
+static void count_failure(const struct odidctl_places *places)
+{
+    char kept[ODIDCTL_PATH_SIZE], text[16];
+
     snprintf(kept, sizeof(kept), "%s/" UPDATE_STICK_FAILURES_FILE, places->state);
     whole_file_line(kept, text, sizeof(text));
     snprintf(text, sizeof(text), "%d\n", atoi(text) + 1);
     whole_file_replace(kept, text, strlen(text), 0644);
+}
+
+/* One that isn't read to its end, of a slow stick or refused at once, isn't remembered; but such a
+ * stick may come again and again, too. */
+static void note_failure(const struct odidctl_places *places, const char *identity,
+                         const struct attempt *attempt)
+{
+    if (attempt->tried) {
+        remember_file(places, identity);
+    }
+    if (attempt->counts) {
+        count_failure(places);
+    }
+}
+
+static int try_file(const struct odidctl_places *places, const char *path, const char *version,
+                    const char *identity)
+{
+    int unattended = update_gate_say(places->state, "unattended"), result;
+    struct attempt attempt;
+
+    if (unattended < 0) {
+        fputs("odidctl: the service update doesn't answer: nothing is installed.\n", stderr);
+        return ODIDCTL_NO_ANSWER;
+    }
+    printf("Version %s is tried.\n", version);
+    result = install(places, path, &attempt);
+    close(unattended);
+    if (result != ODIDCTL_GOOD) {
+        note_failure(places, identity, &attempt);
+    }
+    return result;
 }
 
 /* The newest bundle of the folder, as one that nobody asked for: the gate is told so, and judges by
@@ -417,8 +462,7 @@ static int install_from(const struct odidctl_places *places, const char *folder)
     char path[ODIDCTL_PATH_SIZE + NAME_MAX + 2];
     char identity[UPDATE_IDENTITY_SIZE];
     struct update_bundle bundle;
-    bool tried;
-    int unattended, result;
+    int result;
 
     snprintf(path, sizeof(path), "%s/hardware", places->state);
     whole_file_line(path, hardware, sizeof(hardware));
@@ -433,18 +477,7 @@ static int install_from(const struct odidctl_places *places, const char *folder)
     if (!is_wanted(places, &bundle) || is_tried_again(places, path, identity)) {
         return ODIDCTL_NOT_GOOD;
     }
-    unattended = update_gate_say(places->state, "unattended");
-    if (unattended < 0) {
-        fputs("odidctl: the service update doesn't answer: nothing is installed.\n", stderr);
-        return ODIDCTL_NO_ANSWER;
-    }
-    printf("Version %s is tried.\n", bundle.version);
-    result = install(places, path, &tried);
-    close(unattended);
-    if (result != ODIDCTL_GOOD && tried) {
-        remember_failure(places, identity);
-    }
-    return result;
+    return try_file(places, path, bundle.version, identity);
 }
 
 /* ---- calling it off ---- */
@@ -463,8 +496,8 @@ static int cancel(const struct odidctl_places *places)
 
 int odidctl_update(const struct odidctl_places *places, const char *name)
 {
+    struct attempt attempt;
     struct stat file;
-    bool tried;
 
     setenv("TMPDIR", "/run/swupdate", 0); /* where libswupdate looks for SWUpdate */
     if (name == NULL) {
@@ -474,5 +507,5 @@ int odidctl_update(const struct odidctl_places *places, const char *name)
         return cancel(places);
     }
     return stat(name, &file) == 0 && S_ISDIR(file.st_mode) ? install_from(places, name)
-                                                           : install(places, name, &tried);
+                                                           : install(places, name, &attempt);
 }

@@ -1,5 +1,5 @@
-/* Which of a stick's files is tried again: what "odidctl update DIR" remembers. (Giving one to
- * SWUpdate: tests/update.) */
+/* Which of a stick's files is tried again: what "odidctl update DIR" remembers. SWUpdate and the
+ * service update are models. (Giving one to the real ones: tests/update.) */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -7,8 +7,52 @@
 
 #include <cmocka.h>
 
+#define ipc_inst_start_ext model_start
+#define ipc_end model_end
+#define update_gate_say model_say
+#define odidctl_not_disarmed model_not_disarmed
 #include "odidctl_update.c"
 #include "own_folder.h"
+
+/* ---- the models ---- */
+
+static bool armed, busy;
+
+static void put(const char *path, const char *text)
+{
+    assert_int_equal(whole_file_replace(path, text, strlen(text), 0644), 0);
+}
+
+/* It refuses what it is given before it has read it. */
+int model_start(void *request, ssize_t size)
+{
+    (void)request, (void)size;
+    if (busy) {
+        return -1;
+    }
+    put("state/" UPDATE_STATE_FILE, "{ \"state\": \"idle\" }\n");
+    put("data/" UPDATE_RESULT_FILE, "{ \"sentence\": \"It isn't signed.\" }\n");
+    return open("/dev/null", O_WRONLY | O_CLOEXEC);
+}
+
+void model_end(int installer)
+{
+    close(installer);
+}
+
+int model_say(const char *directory, const char *word)
+{
+    (void)directory, (void)word;
+    return open("/dev/null", O_RDONLY | O_CLOEXEC);
+}
+
+const char *model_not_disarmed(const struct odidctl_places *places)
+{
+    (void)places;
+    return armed ? "The aircraft is armed" : NULL;
+}
+
+/* ---- tests ---- */
 
 static const struct odidctl_places places = {.data = "data", .state = "state"};
 
@@ -37,7 +81,7 @@ static void the_last_eight_files_that_came_to_nothing_are_left_alone(void **stat
     (void)state;
     for (unsigned octets = 1; octets <= 9; octets++) {
         assert_false(is_left_alone(octets, identity));
-        remember_failure(&places, identity);
+        note_failure(&places, identity, &(struct attempt){.counts = true, .tried = true});
         switch_off_and_on();
     }
     for (unsigned octets = 9; octets >= 2; octets--) {
@@ -53,11 +97,35 @@ static void after_two_of_them_none_is_tried_until_power_off(void **state)
     (void)state;
     for (unsigned octets = 11; octets <= 12; octets++) {
         assert_false(is_left_alone(octets, identity));
-        remember_failure(&places, identity);
+        note_failure(&places, identity, &(struct attempt){.counts = true, .tried = true});
     }
     assert_true(is_left_alone(13, identity));
     switch_off_and_on();
     assert_false(is_left_alone(13, identity));
+}
+
+/* Such a stick came again and again. */
+static void one_that_is_refused_at_once_counts_until_power_off(void **state)
+{
+    char identity[UPDATE_IDENTITY_SIZE];
+
+    (void)state;
+    switch_off_and_on();
+    for (unsigned i = 0; i < 8; i++) { /* not what the bundle isn't to blame for */
+        armed = i % 2 == 0;
+        busy = !armed;
+        assert_false(is_left_alone(21, identity));
+        assert_int_not_equal(try_file(&places, "stick/odid.swu", "2", identity), ODIDCTL_GOOD);
+    }
+    armed = busy = false;
+    for (unsigned i = 0; i < STICK_FAILURES_MAX; i++) {
+        assert_false(is_left_alone(21, identity));
+        assert_int_not_equal(try_file(&places, "stick/odid.swu", "2", identity), ODIDCTL_GOOD);
+    }
+    assert_true(is_left_alone(21, identity));
+    assert_true(is_left_alone(22, identity));
+    switch_off_and_on();
+    assert_false(is_left_alone(21, identity));
 }
 
 static int in_a_folder(void **state)
@@ -70,6 +138,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_last_eight_files_that_came_to_nothing_are_left_alone),
+        cmocka_unit_test(one_that_is_refused_at_once_counts_until_power_off),
         cmocka_unit_test(after_two_of_them_none_is_tried_until_power_off),
     };
 
