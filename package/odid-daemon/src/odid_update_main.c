@@ -340,6 +340,7 @@ static void restart_board(void)
     sync(); /* which takes its time: nobody may have armed meanwhile */
     json_object_put(ask(&board));
     if (board.armed) {
+        unlink(MAINTENANCE_AGAIN); /* else it would open at some later power-on */
         log_info("update: the aircraft is armed: the restart waits");
         return;
     }

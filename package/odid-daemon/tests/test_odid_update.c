@@ -713,13 +713,16 @@ static void who_arms_while_it_flushes_is_not_restarted(void **state)
     written();
     mark();
     on_ends("", now_us);
+    put(MAINTENANCE, "");
     board.arms_while_flushing = true;
     pass(30);
     assert_true(board.armed);
     assert_int_equal(board.restarts, 0);
+    assert_int_equal(access(MAINTENANCE_AGAIN, F_OK), -1); /* nor is anything kept for it */
     board.armed = board.arms_while_flushing = false;
     pass(30);
     assert_true(board.restarts > 0);
+    assert_int_equal(access(MAINTENANCE_AGAIN, F_OK), 0);
 }
 
 int main(void)
