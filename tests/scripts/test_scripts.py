@@ -987,6 +987,17 @@ def test_nothing_of_a_stick_is_read_unless_disarmed(stick, armed):
     wait_for("the bundle to be offered", lambda: "odidctl update /run/stick" in stick.appliance.calls())
 
 
+# Its exit status alone was that of a disarmed aircraft.
+NO_WORD = "#!/bin/sh\necho \"odidctl $*\" >>/calls\nexit 1\n"
+
+
+def test_nothing_of_a_stick_is_read_where_nobody_says_disarmed(stick):
+    stick.appliance.write("usr/bin/odidctl", NO_WORD)
+    stick(last="odidctl armed")
+    stays("nothing is read", lambda: "blkid" not in stick.appliance.calls(), 0.5)
+    assert stick.appliance.exists("waits")
+
+
 @pytest.mark.parametrize("slow, read", [("blkid", []), ("mount", ["mount -t vfat -o ro,nosuid,nodev,noexec /dev/sda1 /run/stick"])])
 def test_a_stick_that_takes_its_time_isn_t_read_in_the_air(stick, slow, read):
     """Armed while the stick's own slowness holds what looks at it, for up to a minute."""
@@ -1015,6 +1026,12 @@ def test_a_setting_whose_turn_comes_in_the_air_restarts_nothing(appliance):
     appliance.settings(wifi__channel="11")
     assert saved(appliance).returncode == 1
     assert appliance.calls() == ["locked"] and "channel=6" in appliance.read("run/hostapd.conf")
+
+
+def test_nothing_is_restarted_where_nobody_says_disarmed(appliance):
+    appliance.write("usr/bin/odidctl", NO_WORD)
+    assert saved(appliance).returncode == 1
+    assert appliance.calls() == ["odidctl armed"]
 
 
 def test_another_password_counts_at_once(appliance):
