@@ -37,6 +37,11 @@ static void note_entry(struct import_volume *volume, const char *name)
         {"._odid.conf", volume->apple},    {"._odid.conf.txt", volume->apple},
     };
 
+    if (strcasecmp(name, "odid.conf.cut-short") == 0) {
+        note_name(volume->cut, name, name);
+    } else if (strcasecmp(name, "odid.conf.txt.cut-short") == 0) {
+        note_name(volume->cut_txt, name, name);
+    }
     for (size_t i = 0; i < sizeof(wanted) / sizeof(wanted[0]); i++) {
         if (strcasecmp(name, wanted[i].name) == 0) {
             note_name(wanted[i].out, name, wanted[i].name);

@@ -8,6 +8,7 @@
 struct import_volume {
     char conf[IMPORT_NAME_SIZE],
         conf_txt[IMPORT_NAME_SIZE]; /* Windows hides endings, and adds its own */
+    char cut[IMPORT_NAME_SIZE], cut_txt[IMPORT_NAME_SIZE]; /* put aside at the boot (S40config) */
     char keys[IMPORT_NAME_SIZE], keys_txt[IMPORT_NAME_SIZE];
     char apple[IMPORT_NAME_SIZE];   /* what macOS puts beside a file */
     char similar[IMPORT_NAME_SIZE]; /* what may have been meant */

@@ -249,6 +249,40 @@ static void import_conf(struct import *self, const char *name)
                               "force before stays in force.");
 }
 
+/* Of a file that isn't taken over, and won't be: its password doesn't stay in it either. */
+static void blank_unused(struct import *self, const char *name)
+{
+    char path[IMPORT_NAME_SIZE + ODIDCTL_PATH_SIZE], password[CONFIG_PASSWORD_MAX + 1];
+    char *text, *blanked;
+    size_t length = 0;
+
+    if (name[0] == '\0') {
+        return;
+    }
+    snprintf(path, sizeof(path), "%s/%s", self->directory, name);
+    text = whole_file_read(path, FILE_MAX, &length);
+    blanked = text == NULL ? NULL : strdup(text); /* a power cut's zeros may follow */
+    if (blanked != NULL && config_edit_take_password(blanked, strlen(text), password) > 0) {
+        int result = odidctl_blank_password(path, text, blanked, strlen(text));
+
+        if (result < 0) {
+            say_unwritten(self, name, -result);
+        }
+        odidctl_report_line(self->report,
+                            result < 0 ? "  warning: %s has a password, which could not be blanked "
+                                         "there: delete it"
+                                       : "  note: %s had a password, which doesn't count: it is "
+                                         "blanked there",
+                            name);
+        explicit_bzero(password, sizeof(password));
+    }
+    if (text != NULL) {
+        explicit_bzero(text, length);
+    }
+    free(text);
+    free(blanked);
+}
+
 static void import_config(struct import *self, const struct import_volume *volume)
 {
     const char *name = volume->conf[0] != '\0' ? volume->conf : volume->conf_txt;
@@ -266,8 +300,13 @@ static void import_config(struct import *self, const struct import_volume *volum
                             "odid.conf",
                             volume->conf_txt);
     }
+    blank_unused(self, volume->cut);
+    blank_unused(self, volume->cut_txt);
     if (name[0] != '\0') {
         import_conf(self, name);
+        if (name != volume->conf_txt && !self->refused) {
+            blank_unused(self, volume->conf_txt);
+        }
     } else if (volume->apple[0] != '\0') {
         refuse(self,
                "there is only %s, which macOS puts beside the real file: odid.conf itself is "

@@ -367,6 +367,29 @@ static void a_made_password_without_key_gets_it(void **state)
     assert_non_null(strstr(got(MADE), "    password\r\n"));
 }
 
+/* They are left on the volume, which any computer reads. */
+static void no_password_stays_in_a_file_that_does_not_count(void **state)
+{
+    static const char *const cut[] = {"volume/odid.conf.cut-short",
+                                      "volume/odid.conf.txt.cut-short"};
+
+    (void)state;
+    for (unsigned i = 0; i < 2; i++) {
+        put(cut[i], "[wifi]\nchannel = 99\n[maintenance]\npassword = secret123\npassword = secr");
+    }
+    put("volume/odid.conf.txt", "[maintenance]\npassword = secret123\n");
+    put("volume/odid.conf",
+        "[wifi]\nchannel = 99\n"); /* refused: the other one may be the right one */
+    assert_int_equal(CALL("import", "volume"), 1);
+    assert_non_null(strstr(got("volume/odid.conf.txt"), "secret123"));
+    assert_int_equal(system("grep -q 'secr' volume/*.cut-short"), 256);
+    expect_report("note: odid.conf.cut-short had a password, which doesn't count");
+    put("volume/odid.conf", BEFORE);
+    assert_int_equal(CALL("import", "volume"), 0);
+    assert_int_equal(system("grep -rq 'secr' volume data"), 256);
+    expect_report("note: odid.conf.txt had a password, which doesn't count: it is blanked there");
+}
+
 static void a_refused_file_keeps_its_password(void **state)
 {
     (void)state;
@@ -583,6 +606,7 @@ int main(void)
         TEST(the_password_is_consumed),
         TEST(a_password_is_made_and_shown),
         TEST(a_made_password_without_key_gets_it),
+        TEST(no_password_stays_in_a_file_that_does_not_count),
         TEST(a_refused_file_keeps_its_password),
         TEST(keys_are_taken_over),
         TEST(wrong_keys_are_refused),
