@@ -1393,6 +1393,25 @@ def test_what_config_has_brought_since_goes_before_what_the_disk_had(in_memory, 
     assert "apply" not in in_memory.calls()
 
 
+@pytest.mark.parametrize("asked, refused, there", [
+    (True, False, "as booted\n"), (True, True, "set before\n"),
+    (False, False, "set before\n"),  # it couldn't be read: it is still to come
+])
+def test_a_factory_reset_on_a_damaged_disk_is_done_once(in_memory, asked, refused, there):
+    """What was forgotten came back with the mended disk, and at a later power-on it was forgotten again."""
+    if asked:
+        in_memory.write("run/old-data/odid/factory-reset", "")
+    if refused:
+        in_memory.write("run/faults/factory-reset", "There was no factory reset.\n")
+    in_memory.write("run/mended/odid/factory-reset", "")
+    in_memory.write("run/mended/odid/odid.conf", "set before\n")
+    in_memory.write("run/mended/secrets/maintenance.psk", KEY + "\n")
+    in_memory.must(MEND.replace("\nmend", "\ncopy_old\nrm -f /data/odid/factory-reset\nmend"))
+    assert in_memory.read("data/odid/odid.conf") == there
+    assert in_memory.exists("run/mended/odid/factory-reset") != asked
+    assert in_memory.exists("run/mended/secrets/maintenance.psk") == (there == "set before\n")
+
+
 @pytest.mark.parametrize("copied", ["", "yes"])
 def test_settings_that_were_lost_with_the_disk_are_said_to_be(in_memory, copied):
     """But not those that could be read before it was mended, and are in force."""
