@@ -50,6 +50,11 @@ void aircraft_restore_armed(struct aircraft *aircraft, bool armed)
     aircraft->armed = armed;
 }
 
+void aircraft_restore_vertical(struct aircraft *aircraft, bool inverted)
+{
+    vertical_restore(&aircraft->vertical, inverted);
+}
+
 void aircraft_restore_fix(struct aircraft *aircraft, bool fix_known, int64_t now_us)
 {
     if (!fix_known) {

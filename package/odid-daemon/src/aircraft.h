@@ -150,6 +150,7 @@ void aircraft_restore_armed(struct aircraft *aircraft, bool armed);
 /* The autopilot had a fix just before: positions count until GPS_RAW_INT says otherwise, or for 3
  * s. It had none, but had spoken: that is said on, and no 3 s begin in which it isn't. */
 void aircraft_restore_fix(struct aircraft *aircraft, bool fix_known, int64_t now_us);
+void aircraft_restore_vertical(struct aircraft *aircraft, bool inverted);
 /* After that. It counts at once where it was armed, and when the first HEARTBEAT says armed: then
  * the arming edge was before our time. */
 void aircraft_restore_takeoff(struct aircraft *aircraft, const struct aircraft_takeoff *takeoff);

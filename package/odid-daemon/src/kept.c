@@ -14,7 +14,7 @@
 /* In the file: value, used, content_hash (little endian). */
 #define COUNTER_SIZE 6
 #define COUNTERS (MESSAGE_TYPES + 2)
-#define TEXT_SIZE 200
+#define TEXT_SIZE 256
 
 static const char *const armed_words[] = {
     [KEPT_UNHEARD] = "unheard", [KEPT_DISARMED] = "no", [KEPT_ARMED] = "yes"};
@@ -54,6 +54,8 @@ static void parse_line(const char *line, struct kept *kept)
         kept->armed_once = strcmp(word, "no") != 0;
     } else if (sscanf(line, "fix %7s", word) == 1) {
         kept->fix_known = strcmp(word, "yes") == 0;
+    } else if (sscanf(line, "vertical-inverted %7s", word) == 1) {
+        kept->vertical_inverted = strcmp(word, "yes") == 0;
     } else if (sscanf(line, "armed %7s", word) == 1) {
         parse_armed(word, kept);
     } else if (strncmp(line, "on-air ", strlen("on-air ")) == 0) {
@@ -99,12 +101,19 @@ int kept_read(const char *run_dir, struct kept *kept)
     return 0;
 }
 
+static const char *yes_or_no(bool is)
+{
+    return is ? "yes" : "no";
+}
+
 static size_t show(const struct kept *kept, char text[TEXT_SIZE])
 {
     const struct aircraft_takeoff *takeoff = &kept->takeoff;
     size_t length = (size_t)snprintf(
-        text, TEXT_SIZE, "vehicle %u\narmed %s\narmed-once %s\nfix %s\non-air", kept->vehicle,
-        armed_words[kept->armed], kept->armed_once ? "yes" : "no", kept->fix_known ? "yes" : "no");
+        text, TEXT_SIZE,
+        "vehicle %u\narmed %s\narmed-once %s\nfix %s\nvertical-inverted %s\non-air", kept->vehicle,
+        armed_words[kept->armed], yes_or_no(kept->armed_once), yes_or_no(kept->fix_known),
+        yes_or_no(kept->vertical_inverted));
 
     for (enum channel channel = 0; channel < CHANNELS; channel++) {
         if (kept->on_air[channel]) {

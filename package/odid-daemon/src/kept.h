@@ -6,6 +6,7 @@
  *   armed yes                  yes, no, or unheard: no autopilot since power-on
  *   armed-once yes             since power-on: yes or no
  *   fix yes                    the autopilot has a GNSS fix: yes or no
+ *   vertical-inverted no       it sends its vertical speed upside down: yes or no
  *   on-air bt4 wifi            the channels that were on the air since power-on
  *   takeoff 57.7 11.9 12 48    in flight: the frozen point, degrees and metres
  *
@@ -37,6 +38,7 @@ struct kept {
     enum kept_armed armed;
     bool armed_once;
     bool fix_known;
+    bool vertical_inverted;
     bool on_air[CHANNELS];           /* once, since power-on */
     struct aircraft_takeoff takeoff; /* known = false: on the ground, or it wasn't known */
 };

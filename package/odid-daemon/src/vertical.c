@@ -27,6 +27,12 @@ static void vote(struct vertical *vertical, double known_mps, double said_mps)
     }
 }
 
+void vertical_restore(struct vertical *vertical, bool inverted)
+{
+    vertical->inverted = inverted;
+    vertical->votes = inverted ? -VERTICAL_VOTES : 0;
+}
+
 static bool climb_known(const struct vertical *vertical, int64_t at_us)
 {
     int64_t age_us = at_us - vertical->climb_us;

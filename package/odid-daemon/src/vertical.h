@@ -27,6 +27,9 @@ struct vertical {
 
 /* Freshly zeroed: MAVLink's way. */
 
+/* As it was decided before a restart of ours. */
+void vertical_restore(struct vertical *vertical, bool inverted);
+
 /* One GLOBAL_POSITION_INT: its own time, its altitude, its vertical speed as MAVLink has it. */
 void vertical_position(struct vertical *vertical, int64_t at_us, double altitude_m, double up_mps);
 

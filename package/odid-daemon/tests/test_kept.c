@@ -54,6 +54,7 @@ static void what_was_written_is_read(void **state)
 {
     const struct kept in = {.vehicle = 255,
                             .fix_known = true,
+                            .vertical_inverted = true,
                             .on_air = {[CHANNEL_BT4] = true, [CHANNEL_WIFI] = true},
                             .takeoff = {.known = true,
                                         .latitude_deg = 57.7089123,
@@ -66,7 +67,7 @@ static void what_was_written_is_read(void **state)
     assert_int_equal(kept_write(directory, &in), 0);
     kept_read(directory, &out);
     assert_int_equal(out.vehicle, 255);
-    assert_true(out.fix_known);
+    assert_true(out.fix_known && out.vertical_inverted);
     assert_true(out.on_air[CHANNEL_BT4] && out.on_air[CHANNEL_WIFI]);
     assert_false(out.on_air[CHANNEL_BT5]);
     assert_true(out.takeoff.known);
