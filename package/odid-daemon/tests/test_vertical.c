@@ -147,6 +147,18 @@ static void nothing_known_is_no_vote(void **state)
     assert_int_equal(vertical.votes, 0);
 }
 
+/* A daemon that begins in the air had the sign wrong for seconds. */
+static void what_was_decided_before_a_restart_counts(void **state)
+{
+    struct vertical other = {.inverted = false};
+
+    (void)state;
+    vertical_restore(&other, true);
+    assert_true(vertical_upright_mps(&other, -4.0) > 0);
+    vertical_restore(&other, false);
+    assert_true(vertical_upright_mps(&other, -4.0) < 0);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -160,6 +172,7 @@ int main(void)
         cmocka_unit_test_setup(nor_does_one_between_slow_positions, setup),
         cmocka_unit_test_setup(gaps_and_a_restarted_clock_are_no_climb, setup),
         cmocka_unit_test_setup(nothing_known_is_no_vote, setup),
+        cmocka_unit_test(what_was_decided_before_a_restart_counts),
     };
 
     return cmocka_run_group_tests_name("vertical speed", tests, NULL, NULL);
