@@ -10,6 +10,9 @@
 /* In data; a boot script sees it, and does it over again when power fails meanwhile. */
 #define MARK "odid/factory-reset"
 
+/* In state, while data is in memory (S30data): the mark would be gone with it. */
+#define IN_MEMORY "data-in-memory"
+
 /* By init's order for it; what isn't an appliance is left alone. */
 static bool restart(const struct odidctl_places *places)
 {
@@ -29,6 +32,13 @@ int odidctl_factory_reset(const struct odidctl_places *places)
     why = odidctl_not_disarmed(places);
     if (why != NULL) {
         fprintf(stderr, "odidctl: %s: no factory reset.\n", why);
+        return ODIDCTL_NOT_GOOD;
+    }
+    snprintf(path, sizeof(path), "%s/" IN_MEMORY, places->state);
+    if (access(path, F_OK) == 0) {
+        fputs("odidctl: /data is in memory: no factory reset before it is repaired (odidctl "
+              "faults).\n",
+              stderr);
         return ODIDCTL_NOT_GOOD;
     }
     snprintf(path, sizeof(path), "%s/" MARK, places->data);

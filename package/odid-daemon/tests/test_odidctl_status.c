@@ -158,7 +158,10 @@ static void factory_reset(void **state)
     keep_armed("unheard");
     assert_int_equal(CALL("factory-reset"), 4); /* this is no appliance: nothing is restarted */
     assert_non_null(got("data/odid/factory-reset"));
-    shell("rm -r data");
+    shell("rm data/odid/factory-reset && touch state/data-in-memory");
+    assert_int_equal(CALL("factory-reset"), 1); /* it would be gone with the power */
+    expect_none("data/odid/factory-reset");
+    shell("rm -r data state/data-in-memory");
     assert_int_equal(CALL("factory-reset"), 1);
     assert_non_null(strstr(said, "nothing has changed"));
     end(daemon);

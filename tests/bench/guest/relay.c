@@ -13,8 +13,8 @@
  * accept_msg): a frame ends where its length says, also one with flags that nobody knows; it is
  * passed on whole; the filters hold for frames of any message, known or not; an endpoint by which a
  * system's component was heard is sent nothing of that one's any more. By our patches
- * (br2-external/patches/mavlink-router): by UDP nothing comes in of a message that isn't known, or
- * with a flag that isn't; of a frame for which the serial port had no room the rest goes out before
+ * (br2-external/patches/mavlink-router): nothing comes in of a message that isn't known, or with a
+ * flag that isn't; of a frame for which the serial port had no room the rest goes out before
  * anything else. Not as it: what has a target goes out by all endpoints, checksums of known
  * messages aren't looked at, and known are those of the dialect common, there ardupilotmega's. */
 
@@ -268,18 +268,16 @@ static int message_of(const unsigned char *frame)
     return frame[0] == 0xFE ? frame[5] : frame[7] | frame[8] << 8 | frame[9] << 16;
 }
 
-/* In what isn't, an autopilot may find another frame. Its own words may be newer than this. */
-static bool is_understood(const struct filter *filter, const unsigned char *frame)
+/* In what isn't, another frame may be found. */
+static bool is_understood(const unsigned char *frame)
 {
-    if (filter == &uart_filter)
-        return true;
     return mavlink_get_msg_entry((uint32_t)message_of(frame)) != NULL &&
            (frame[0] == 0xFE || (frame[2] & ~MAVLINK_IFLAG_SIGNED) == 0);
 }
 
 static bool may_enter(const struct filter *filter, const unsigned char *frame)
 {
-    if (!is_understood(filter, frame) || is_listed(filter->blocked_message, message_of(frame)))
+    if (!is_understood(frame) || is_listed(filter->blocked_message, message_of(frame)))
         return false;
     return !(filter->only_listed && !filter->allowed_component[component_of(frame)]) &&
            !filter->blocked_component[component_of(frame)] &&
