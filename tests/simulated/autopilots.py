@@ -1,7 +1,7 @@
 """Kinds of autopilots, and who speaks beside them: each does what real ones were seen to do. A kind's options are
 host/flight.py's; `changed` gives the messages that are sent instead of one."""
 
-from host.flight import START_UNIX_S
+from host.flight import START_UNIX_S, UNDULATION_M
 from pymavlink.dialects.v20 import common
 
 EPOCH_2019_S = 1546300800
@@ -20,10 +20,19 @@ def climbs_downward(craft, message):
     return [message]
 
 
-def is_px4(craft, message):
+def is_mended_px4(craft, message):
+    """Its altitudes are what they are called."""
     if kind(message) == "HEARTBEAT":
         message.autopilot = common.MAV_AUTOPILOT_PX4
     return [message]
+
+
+def is_px4(craft, message):
+    """Its geodetic altitude is above mean sea level, its barometric one 0."""
+    if kind(message) == "OPEN_DRONE_ID_LOCATION":
+        message.altitude_geodetic -= UNDULATION_M
+        message.altitude_barometric = 0
+    return is_mended_px4(craft, message)
 
 
 def second_receiver(message):
@@ -64,4 +73,5 @@ KINDS = {
     "ArduPilot with two receivers": {"changed": has_two_receivers},
     "ArduPilot and a ground station": {"changed": operator_from_a_ground_station(1)},
     "PX4": {"rate_hz": 10, "native_hz": 1, "changed": is_px4},
+    "PX4, mended": {"rate_hz": 10, "native_hz": 1, "changed": is_mended_px4},
 }

@@ -115,7 +115,8 @@ def said_as_the_judge_has_it(flight, judgement):
             one.kind in LATE_TOO and flight.world.late[0] or
             (one.kind in HOW_OLD or one.kind == "played.system_time") and was_away(flight, one.channel, at_s) or
             one.kind.startswith("played.") and fix_was_doubted(flight, at_s) or
-            one.kind in KNOWN_SOON and just_restarted(flight, one.channel, at_s))
+            one.kind in KNOWN_SOON and just_restarted(flight, one.channel, at_s) or
+            one.kind == "played.altitude" and one.found == "None" and autopilot_was_away(flight, at_s))
         if not excused:
             yield f"{one.kind} at {at_s:.3f} s on {one.channel}: {one.what}; expected {one.expected}, found {one.found}"
 
@@ -176,6 +177,11 @@ def fix_was_doubted(flight, at_s):
     """Then, to the judge, what is said is no position that there was."""
     return any(lost.fault.no_position and lost.begin_s <= at_s <= lost.back_s + lost.fault.limit_s and doubt_s(flight, lost)
                for lost in flight.windows)
+
+
+def autopilot_was_away(flight, at_s):
+    """What is left then of two sources that contradict each other may be the one that isn't believed."""
+    return any(one.fault.no_position and one.begin_s <= at_s <= one.back_s + one.fault.limit_s for one in flight.windows)
 
 
 def is_taken_away(flight, channel, at_s):

@@ -45,34 +45,41 @@ static int speed_code(float accuracy_mps)
     return createEnumSpeedAccuracy(accuracy_mps);
 }
 
-/* Is what the native LOCATION has another one than telemetry's, where both are here and have it? */
-static bool native_differs(const struct aircraft *aircraft, double native_m, double telemetry_m,
-                           int64_t now_us)
+/* Is what the native LOCATION has another one than telemetry's? */
+static bool native_differs(const struct aircraft *aircraft, double native_m, double telemetry_m)
 {
     const struct aircraft_fix *native = &aircraft->native, *telemetry = &aircraft->telemetry;
-    double apart_s, climbs_mps;
+    double apart_s = fabs((double)(telemetry->fix_us - native->fix_us)) * 1e-6;
+    double climbs_mps = CLIMBS_MPS + fabs(telemetry->vertical_speed_mps);
 
-    if (!aircraft_fresh(native->fix_us, now_us) || !aircraft_fresh(telemetry->fix_us, now_us)) {
-        return false;
-    }
-    apart_s = fabs((double)(telemetry->fix_us - native->fix_us)) * 1e-6;
-    climbs_mps = CLIMBS_MPS + fabs(telemetry->vertical_speed_mps);
     return fabs(native_m - telemetry_m) > ALTITUDES_DIFFER_M + climbs_mps * apart_s;
+}
+
+void aircraft_compare_altitudes(struct aircraft *aircraft, int64_t now_us)
+{
+    double native_height_m = aircraft->native_location.counted.location.height_m;
+
+    if (!aircraft_fresh(aircraft->native.fix_us, now_us) ||
+        !aircraft_fresh(aircraft->telemetry.fix_us, now_us)) {
+        return;
+    }
+    aircraft->altitudes_differ =
+        native_differs(aircraft, aircraft_geodetic_m(aircraft, &aircraft->native),
+                       aircraft_geodetic_m(aircraft, &aircraft->telemetry));
+    aircraft->heights_differ =
+        native_differs(aircraft, native_height_m, aircraft_height_m(aircraft));
 }
 
 bool aircraft_altitudes_differ(const struct aircraft *aircraft, int64_t now_us)
 {
-    return native_differs(aircraft, aircraft_geodetic_m(aircraft, &aircraft->native),
-                          aircraft_geodetic_m(aircraft, &aircraft->telemetry), now_us);
+    return aircraft->altitudes_differ && aircraft_fresh(aircraft->native.fix_us, now_us);
 }
 
-static bool native_height_counts(const struct aircraft *aircraft, int64_t now_us)
+static bool native_height_counts(const struct aircraft *aircraft)
 {
-    const struct telemetry_update *native = &aircraft->native_location.counted;
-
-    return native->location.height_reference == MAV_ODID_HEIGHT_REF_OVER_GROUND ||
-           !native_differs(aircraft, native->location.height_m, aircraft_height_m(aircraft),
-                           now_us);
+    return aircraft->native_location.counted.location.height_reference ==
+               MAV_ODID_HEIGHT_REF_OVER_GROUND ||
+           !aircraft->heights_differ;
 }
 
 /*
@@ -113,10 +120,10 @@ static void fill_from_native(const struct aircraft *aircraft, int64_t now_us,
 
     out->altitude_barometric_m = native->altitude_barometric_m; /* telemetry has none */
     out->barometer_accuracy = native->counted.location.barometer_accuracy;
-    if (isnan(out->altitude_geodetic_m) && !apart && !aircraft_altitudes_differ(aircraft, now_us)) {
+    if (isnan(out->altitude_geodetic_m) && !apart && !aircraft->altitudes_differ) {
         out->altitude_geodetic_m = native->altitude_geodetic_m;
     }
-    if (isnan(out->height_m) && native_height_counts(aircraft, now_us)) {
+    if (isnan(out->height_m) && native_height_counts(aircraft)) {
         out->height_m = native->counted.location.height_m;
         out->height_above_ground =
             native->counted.location.height_reference == MAV_ODID_HEIGHT_REF_OVER_GROUND;

@@ -214,6 +214,7 @@ bool aircraft_confirm_position(struct aircraft *aircraft, int64_t now_us)
         vertical_upright_mps(&aircraft->vertical, update->global_position.up_mps);
     count(&aircraft->telemetry_rate, now_us);
     compare(aircraft, now_us);
+    aircraft_compare_altitudes(aircraft, now_us);
     return true;
 }
 
@@ -364,5 +365,6 @@ bool aircraft_take_location(struct aircraft *aircraft, const struct telemetry_up
     aircraft->native.altitude_msl_m = NAN;
     count(&aircraft->native_rate, now_us);
     compare(aircraft, now_us);
+    aircraft_compare_altitudes(aircraft, now_us);
     return true;
 }

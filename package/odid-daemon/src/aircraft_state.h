@@ -140,8 +140,9 @@ struct aircraft {
     struct aircraft_fix telemetry;
     struct aircraft_rate telemetry_rate;
     struct vertical vertical;
-    int64_t position_boot_us; /* its own timestamp, not wrapped, ... */
-    unsigned position_boot;   /* ... since which start of the autopilot */
+    bool altitudes_differ, heights_differ; /* the native ones from telemetry's */
+    int64_t position_boot_us;              /* its own timestamp, not wrapped, ... */
+    unsigned position_boot;                /* ... since which start of the autopilot */
     struct aircraft_receiver receiver[AIRCRAFT_RECEIVERS];
     int64_t no_fix_us;   /* since when they say that there is none; INT64_MIN: they don't */
     double separation_m; /* ellipsoid height minus height above mean sea level; NAN unknown */
@@ -289,6 +290,10 @@ void aircraft_view_status(const struct aircraft *aircraft, int64_t now_us,
                           struct aircraft_location *out);
 
 /* ---- aircraft_location.c ---- */
+
+/* After each position. What was found while both were there stands: the one that isn't believed
+ * doesn't count either once the other one is gone. */
+void aircraft_compare_altitudes(struct aircraft *aircraft, int64_t now_us);
 
 /* Is the native altitude another one than telemetry's? Then it doesn't count. */
 bool aircraft_altitudes_differ(const struct aircraft *aircraft, int64_t now_us);

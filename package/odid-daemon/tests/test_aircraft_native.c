@@ -311,6 +311,24 @@ static void a_native_altitude_that_contradicts_telemetry_is_not_broadcast(void *
     }
 }
 
+/* Where both fell silent, the one that wasn't believed was, for the moment by which it was newer.
+ */
+static void nor_is_it_once_telemetry_is_gone(void **state)
+{
+    (void)state;
+    sim.autopilot = MAV_AUTOPILOT_ARDUPILOTMEGA;
+    for (unsigned i = 0; i < 50; i++) {
+        struct telemetry_update update = native_of(now_us);
+
+        sim.position = i < 25;
+        update.location.altitude_geodetic_m = 84;
+        give(&update);
+        fly(0.2);
+    }
+    assert_true(from_native());
+    assert_true(condition.altitudes_differ && isnan(view.location.altitude_geodetic_m));
+}
+
 /* Native once a second, in a dive: what lies between the two instants is no contradiction. */
 static void in_a_dive_two_altitudes_may_differ(void **state)
 {
@@ -390,6 +408,7 @@ int main(void)
         cmocka_unit_test_setup(px4s_geodetic_altitude_is_above_mean_sea_level, begin_setup),
         cmocka_unit_test_setup(a_native_altitude_that_contradicts_telemetry_is_not_broadcast,
                                begin_setup),
+        cmocka_unit_test_setup(nor_is_it_once_telemetry_is_gone, begin_setup),
         cmocka_unit_test_setup(in_a_dive_two_altitudes_may_differ, begin_setup),
         cmocka_unit_test_setup(a_pressure_altitude_that_no_weather_gives_is_unknown, begin_setup),
         cmocka_unit_test_setup(px4s_barometric_altitude_of_0_is_unknown, begin_setup),
