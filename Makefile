@@ -135,7 +135,7 @@ fuzzers: setup
 # Debian's packages around the daemon and overlay/; what it is and isn't: tests/bench/README.md.
 .PHONY: appliance
 ifeq ($(IMAGE),)
-appliance: base
+appliance: base keys-named
 	@OPENDRONEID_DIR='$(OPENDRONEID)' $(RUN) -m bench.image
 else
 appliance: base
@@ -154,15 +154,24 @@ KEYS ?= build/keys
 SLOT ?= $(IMAGE_OUT)/images/slot.img
 BUNDLE = build/bundle/odid-$(BOARD)-$(IMAGE_VERSION).swu
 
-.PHONY: bundle keys
-keys:
+.PHONY: bundle keys keys-named
+keys: keys-named
 	@board/common/make-keys.sh '$(KEYS)'
+
+# A pair is made in the default folder only: in one that was named and isn't there, somebody meant other keys.
+keys-named:
+	@[ '$(KEYS)' = build/keys ] || [ -s '$(KEYS)/trusted.pem' ] || { echo 'keys: there is no $(KEYS)/trusted.pem:' \
+		'KEYS=<dir> names a folder that has one; board/common/make-keys.sh <dir> makes a new one' >&2; exit 1; }
 
 bundle: keys
 	@[ -e '$(SLOT)' ] || { echo 'bundle: there is no $(SLOT); make image BOARD=$(BOARD) makes it' >&2; exit 1; }
 	@inside=$$(PATH="$(abspath $(IMAGE_OUT))/host/bin:$$PATH" unsquashfs -cat '$(SLOT)' etc/odid/version) && \
 		[ "$$inside" = '$(IMAGE_VERSION)' ] || { echo "bundle: $(SLOT) is version $$inside, and this is" \
 		"$(IMAGE_VERSION): make image, else a stick would bring it again at each start" >&2; exit 1; }
+	@PATH="$(abspath $(IMAGE_OUT))/host/bin:$$PATH" unsquashfs -cat '$(SLOT)' etc/swupdate/trusted.pem | \
+		openssl verify -no-CApath -no-CAstore -CAfile /dev/stdin '$(KEYS)/signing.crt' >/dev/null 2>&1 || { \
+		echo 'bundle: $(SLOT) does not trust $(KEYS)/signing.crt: an aircraft that installed it would take no' \
+		'further bundle of that key. Name the KEYS=<dir> that the image was made with, or make image KEYS=$(KEYS)' >&2; exit 1; }
 	@board/common/make-bundle.sh '$(SLOT)' '$(BOARD)' '$(IMAGE_VERSION)' '$(KEYS)' '$(BUNDLE)'
 	@echo '$(BUNDLE)'
 
