@@ -1335,6 +1335,37 @@ def test_a_configuration_that_data_lost_is_config_s_again(with_data, lost):
     assert "Check the serial number" in with_data.fault("settings")
 
 
+def powered_on(appliance, config=None):
+    """Is it a fault that settings were lost? config: which one is taken over from CONFIG, if one is."""
+    appliance.must("rm -f /run/faults/*; /etc/init.d/S30data")
+    if config:
+        appliance.write("data/odid/odid.conf.imported", config)
+    appliance.must("/etc/init.d/S40config")
+    return appliance.fault("settings") is not None
+
+
+@pytest.mark.parametrize("imported, config", [("old\n", "old\n"), (None, "old\n"), (None, None)])
+def test_lost_settings_are_said_until_a_person_has_saved_some(with_config, with_data, imported, config):
+    """At the next power-on what stood in for them was sound: another aircraft was on the air, and any older version was taken."""
+    if imported:
+        with_data.write("data/odid/odid.conf.imported", imported)
+    for _ in range(3):
+        assert powered_on(with_data, config)
+    assert not powered_on(with_data, "saved since\n") and not powered_on(with_data, "saved since\n")
+
+
+def test_a_config_that_was_saved_before_the_settings_were_lost_counts_and_nothing_is(with_config, with_data):
+    with_data.write("data/odid/odid.conf.imported", "old\n")
+    assert not powered_on(with_data, "saved since\n")
+
+
+def test_a_factory_reset_ends_what_was_lost(with_config, with_data):
+    assert powered_on(with_data)
+    with_data.write("checked", "/run/config/odid.conf: nothing is wrong\n")
+    with_data.write("data/odid/factory-reset", "")
+    assert not powered_on(with_data) and not with_data.exists("data/odid/settings-lost")
+
+
 def test_at_the_first_start_nothing_is_lost(with_data):
     (with_data.root / "data/secrets").rmdir()
     with_data.must("/etc/init.d/S30data")
@@ -1427,6 +1458,7 @@ def test_settings_that_were_lost_with_the_disk_are_said_to_be(in_memory, copied)
         assert in_memory.fault("settings") is None
     else:
         assert "Check the serial number, the operator number and prevent_downgrade" in in_memory.fault("settings")
+    assert in_memory.exists("run/mended/odid/settings-lost") != bool(copied)
 
 
 def test_a_disk_that_is_mended_and_can_t_be_mounted_is_said_to_be(in_memory):

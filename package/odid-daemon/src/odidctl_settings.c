@@ -316,6 +316,18 @@ static int say_written(const char *path, int result)
     }
 }
 
+/* Who saves settings has seen which ones are in force: that others were lost is over (S30data). */
+static void settle_lost(const struct odidctl_places *places)
+{
+    char mark[ODIDCTL_PATH_SIZE];
+
+    if (places->config == NULL) {
+        snprintf(mark, sizeof(mark), "%s/odid/settings-lost", places->data);
+        unlink(mark);
+        odidctl_set_fault(places->faults, "settings", NULL);
+    }
+}
+
 static int set_in_file(const struct odidctl_places *places, const char *path,
                        const struct config_key *key, const char *value)
 {
@@ -349,6 +361,9 @@ static int set_in_file(const struct odidctl_places *places, const char *path,
     }
     explicit_bzero(&config, sizeof(config));
     free_text(text, length);
+    if (result >= 0) {
+        settle_lost(places);
+    }
     if (result == -EPERM) {
         fputs("Nothing was changed.\n", stderr);
         return ODIDCTL_NOT_GOOD;

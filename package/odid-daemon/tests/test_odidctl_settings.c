@@ -145,6 +145,30 @@ static void wrong_values_change_nothing(void **state)
     expect_file(CONF, "\xFF\xFE[\x01");
 }
 
+/* The guard of prevent_downgrade was gone at the next power-on, and nobody had looked. */
+static void who_saves_settings_has_seen_which_were_lost(void **state)
+{
+    static const struct {
+        const char *key, *value;
+        int code;
+        bool seen;
+    } saved[] = {{"wifi.channel", "11", 0, true},
+                 {"wifi.channel", "6", 0, true},
+                 {"wifi.country", "NO", 0, true}, /* it stands there already */
+                 {"wifi.channel", "99", 1, false},
+                 {"maintenance.password", "long enough", 0, false}};
+
+    (void)state;
+    for (size_t i = 0; i < COUNT(saved); i++) {
+        put(CONF, BEGIN);
+        put("data/odid/settings-lost", "0123456789abcdef\n");
+        put("faults/settings", "What was set is lost.\n");
+        assert_int_equal(CALL("set", saved[i].key, saved[i].value), saved[i].code);
+        assert_int_equal(access("data/odid/settings-lost", F_OK), saved[i].seen ? -1 : 0);
+        assert_int_equal(access("faults/settings", F_OK), saved[i].seen ? -1 : 0);
+    }
+}
+
 static void the_operator_number_without_its_secret(void **state)
 {
     (void)state;
@@ -286,6 +310,7 @@ int main(void)
         TEST(a_value_is_set),
         TEST(without_a_file),
         TEST(wrong_values_change_nothing),
+        TEST(who_saves_settings_has_seen_which_were_lost),
         TEST(the_operator_number_without_its_secret),
         TEST(the_password_becomes_a_key),
         TEST(it_is_applied_unless_armed),
