@@ -360,7 +360,7 @@ static void write_stick_files(const struct odidctl_places *places, const struct 
     whole_file_replace(path, text, filled, 0644);
 }
 
-static bool came_to_nothing(const struct odidctl_places *places, const char *identity)
+static bool was_tried(const struct odidctl_places *places, const char *identity)
 {
     struct stick_files files;
     bool found = false;
@@ -373,8 +373,8 @@ static bool came_to_nothing(const struct odidctl_places *places, const char *ide
 }
 
 /* A stick that is forgotten in the aircraft comes again at each power-on, and each time it would
- * cost the other slot and keep the aircraft on the ground: a file that was read to its end and
- * refused is left alone, and so is everything once as many came to nothing as a stick may cost. */
+ * cost the other slot and keep the aircraft on the ground: a file that was read to its end is left
+ * alone, and so is everything once as many came to nothing as a stick may cost. */
 static bool is_tried_again(const struct odidctl_places *places, const char *path,
                            char identity[UPDATE_IDENTITY_SIZE])
 {
@@ -390,9 +390,8 @@ static bool is_tried_again(const struct odidctl_places *places, const char *path
     }
     snprintf(kept, sizeof(kept), "%s/" UPDATE_STICK_FAILURES_FILE, places->state);
     whole_file_line(kept, failures, sizeof(failures));
-    if (came_to_nothing(places, identity)) {
-        puts("This file was tried and came to nothing: it is left alone. Copy it anew, or give it "
-             "by the page.");
+    if (was_tried(places, identity)) {
+        puts("This file was tried before: it is left alone. Copy it anew, or give it by the page.");
         return true;
     }
     if (atoi(failures) >= STICK_FAILURES_MAX) {
@@ -448,7 +447,9 @@ static int try_file(const struct odidctl_places *places, const char *path, const
     printf("Version %s is tried.\n", version);
     result = install(places, path, &attempt);
     close(unattended);
-    if (result != ODIDCTL_GOOD) {
+    if (result == ODIDCTL_GOOD) {
+        remember_file(places, identity); /* of those that fail their trial the last one is known */
+    } else {
         note_failure(places, identity, &attempt);
     }
     return result;

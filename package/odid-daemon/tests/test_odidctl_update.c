@@ -16,19 +16,23 @@
 
 /* ---- the models ---- */
 
-static bool armed, busy;
+static bool armed, busy, takes;
 
 static void put(const char *path, const char *text)
 {
     assert_int_equal(whole_file_replace(path, text, strlen(text), 0644), 0);
 }
 
-/* It refuses what it is given before it has read it. */
+/* It refuses what it is given before it has read it, unless it takes it. */
 int model_start(void *request, ssize_t size)
 {
     (void)request, (void)size;
     if (busy) {
         return -1;
+    }
+    if (takes) {
+        put("state/" UPDATE_STATE_FILE, "{ \"state\": \"waiting-for-reboot\" }\n");
+        return open("/dev/null", O_WRONLY | O_CLOEXEC);
     }
     put("state/" UPDATE_STATE_FILE, "{ \"state\": \"idle\" }\n");
     put("data/" UPDATE_RESULT_FILE, "{ \"sentence\": \"It isn't signed.\" }\n");
@@ -128,6 +132,25 @@ static void one_that_is_refused_at_once_counts_until_power_off(void **state)
     assert_false(is_left_alone(21, identity));
 }
 
+/* Two took turns, each rolled back: of those that fail their trial only the last one is known. */
+static void one_that_was_written_is_left_alone_whatever_becomes_of_it(void **state)
+{
+    char identity[UPDATE_IDENTITY_SIZE];
+
+    (void)state;
+    takes = true;
+    for (unsigned octets = 25; octets <= 26; octets++) {
+        switch_off_and_on();
+        put("state/" UPDATE_STATE_FILE, "{ \"state\": \"idle\" }\n");
+        assert_false(is_left_alone(octets, identity));
+        assert_int_equal(try_file(&places, "stick/odid.swu", "2", identity), ODIDCTL_GOOD);
+    }
+    takes = false;
+    assert_true(is_left_alone(25, identity));
+    assert_true(is_left_alone(26, identity));
+    assert_false(is_left_alone(27, identity)); /* nor does it count as one that came to nothing */
+}
+
 static int in_a_folder(void **state)
 {
     (void)state;
@@ -138,6 +161,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_last_eight_files_that_came_to_nothing_are_left_alone),
+        cmocka_unit_test(one_that_was_written_is_left_alone_whatever_becomes_of_it),
         cmocka_unit_test(one_that_is_refused_at_once_counts_until_power_off),
         cmocka_unit_test(after_two_of_them_none_is_tried_until_power_off),
     };
