@@ -725,6 +725,16 @@ def test_no_lease_takes_the_ground_station_away(appliance, ip, mask, station, in
     assert ("has the ground station's address" in (appliance.fault(f"dhcp-{interface}") or "")) != taken
 
 
+@pytest.mark.parametrize("mask, taken", [(0, False), (7, False), (8, True), ("", True)])
+def test_no_lease_is_the_way_to_half_of_all_addresses(appliance, mask, taken):
+    """What was for anybody behind another adapter's gateway, a server's answers too, went to who had given it."""
+    appliance.write("sys/class/net/usb0/ifindex", "9\n")
+    appliance.change("lib/odid/dhcp-event", ("ip addr", "/usr/bin/ip addr"))
+    appliance.must(f"interface=usb0 ip=10.9.8.7 mask={mask} router= dns= /lib/odid/dhcp-event bound")
+    assert (f"ip addr add 10.9.8.7/{mask or 32} dev usb0" in appliance.calls()) == taken
+    assert ("is larger than any may be" in (appliance.fault("dhcp-usb0") or "")) != taken
+
+
 def leased(appliance, interface, lease, others):
     """What of it is done to addresses; others: {interface: its network}."""
     appliance.change("lib/odid/dhcp-event", ("ip addr", "/usr/bin/ip addr"), ("ip -4", "/usr/bin/ip -4"))
@@ -762,6 +772,25 @@ def test_an_adapter_that_was_there_first_gives_way_to_ethernet_and_the_ground_st
         "ip -4 addr flush dev usb0", f"ip addr add 10.20.0.3/24 dev {interface}"]
     assert f"at usb0 overlaps the one at {interface}" in appliance.fault("dhcp-usb0") and not appliance.fault(f"dhcp-{interface}")
     assert appliance.read("run/resolv.conf") == "nameserver 10.0.0.53\n"
+
+
+@pytest.mark.parametrize("carrier, used", [("0\n", True), ("1\n", False)])
+def test_a_cable_that_was_pulled_out_keeps_no_other_adapter_from_its_network(appliance, carrier, used):
+    """Its lease was there still, for hours. Plugged in again it asks anew, and goes before the other one."""
+    appliance.write("sys/class/net/eth0/carrier", carrier)
+    assert leased(appliance, "usb0", "10.20.0.9/24", WIRED) == (
+        ["ip -4 addr flush dev eth0", "ip addr add 10.20.0.9/24 dev usb0"] if used else [])
+    assert ("sv term udhcpc" in appliance.calls()) == used and bool(appliance.fault("dhcp-usb0")) != used
+
+
+@pytest.mark.parametrize("had", [True, False])
+def test_a_network_that_overlapped_is_asked_for_again_when_the_other_s_lease_is_over(appliance, had):
+    """It wasn't used any more, until power-off. Who had none asks nobody: two would end each other in turns."""
+    appliance.change("lib/odid/dhcp-event", ("ip -4", "/usr/bin/ip -4"))
+    appliance.write("usr/bin/ip", "#!/bin/sh\n" + ("echo '2: eth0    inet 10.20.0.3/24'\n" if had else ""))
+    appliance.write("run/faults/dhcp-usb0", "It overlaps.\n")
+    appliance.must("interface=eth0 /lib/odid/dhcp-event deconfig")
+    assert appliance.calls() == (["sv term udhcpc-usb0"] if had else [])
 
 
 def test_a_network_that_overlapped_is_asked_for_again_when_the_other_has_gone(appliance):
