@@ -134,4 +134,8 @@ int odidctl_factory_reset(const struct odidctl_places *places);
 
 int odidctl_import(const struct odidctl_places *places, const char *directory);
 
+/* Would all that is there be taken over, and is an odid.conf among it? Says so, or the first of
+ * what is wrong. */
+int odidctl_import_check(const char *directory);
+
 #endif

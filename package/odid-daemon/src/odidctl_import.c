@@ -106,6 +106,22 @@ static void say_unwritten(struct import *self, const char *name, int error)
     self->unwritten = true;
 }
 
+/* ---- reading ---- */
+
+/* The file that is named, allocated; NULL: it can't be read, which was said. */
+static char *read_named(struct import *self, size_t *length)
+{
+    char path[IMPORT_NAME_SIZE + ODIDCTL_PATH_SIZE], *text;
+
+    snprintf(path, sizeof(path), "%s/%s", self->directory, self->name);
+    text = whole_file_read(path, FILE_MAX, length);
+    if (text == NULL) {
+        refuse(self, "%s can't be read: %s", self->name,
+               errno == EFBIG ? "it is larger than 64 KiB" : strerror(errno));
+    }
+    return text;
+}
+
 /* ---- odid.conf ---- */
 
 static void say_nothing(void *context, enum config_severity severity, const char *sentence)
@@ -184,22 +200,33 @@ static bool take_config(struct import *self, const char *blanked, size_t length)
     return result == 0;
 }
 
+/* Returns whether there is no error: behind many warnings one isn't told by itself. */
+static bool parse(struct import *self, struct config *config, const char *text, size_t length)
+{
+    unsigned errors = config_parse(config, self->name, text, length, on_sentence, self);
+
+    if (errors > 0 && !self->refused) {
+        refuse(self, "%s: so much is wrong that errors aren't listed here", self->name);
+    }
+    return errors == 0;
+}
+
 /* text is cleared by the caller. Returns whether the configuration is right and in force. */
 static bool import_text(struct import *self, const char *path, char *text, size_t length)
 {
     char password[CONFIG_PASSWORD_MAX + 1], *blanked;
     struct config config;
-    unsigned errors, lines;
-    bool in_force = false;
+    unsigned lines;
+    bool in_force = false, right;
 
     /* Over what is in force: "using ..." then names what stays in force. */
     read_in_force(self->places, &config);
-    errors = config_parse(&config, self->name, text, length, on_sentence, self);
+    right = parse(self, &config, text, length);
     explicit_bzero(&config, sizeof(config));
     if (length > 0 && config_not_ini(text, length) == NULL) {
         note_oddities(self, text, length);
     }
-    if (errors > 0) {
+    if (!right) {
         return false;
     }
     blanked = calloc(1, length + 1);
@@ -233,11 +260,8 @@ static void import_conf(struct import *self, const char *name)
 
     self->name = name;
     snprintf(path, sizeof(path), "%s/%s", self->directory, name);
-    text = whole_file_read(path, FILE_MAX, &length);
-    if (text == NULL) {
-        refuse(self, "%s can't be read: %s", name,
-               errno == EFBIG ? "it is larger than 64 KiB" : strerror(errno));
-    } else {
+    text = read_named(self, &length);
+    if (text != NULL) {
         in_force = import_text(self, path, text, length);
         explicit_bzero(text, length);
         free(text);
@@ -371,7 +395,6 @@ static unsigned judge_keys(struct import *self, char *text, size_t *length)
 
 static void import_keys(struct import *self, const struct import_volume *volume)
 {
-    char path[IMPORT_NAME_SIZE + ODIDCTL_PATH_SIZE];
     bool refused_before = self->refused;
     size_t length = 0;
     unsigned keys;
@@ -385,11 +408,8 @@ static void import_keys(struct import *self, const struct import_volume *volume)
                                           "over before stay in force.");
         return;
     }
-    snprintf(path, sizeof(path), "%s/%s", self->directory, self->name);
-    text = whole_file_read(path, FILE_MAX, &length);
+    text = read_named(self, &length);
     if (text == NULL) {
-        refuse(self, "%s can't be read: %s", self->name,
-               errno == EFBIG ? "it is larger than 64 KiB" : strerror(errno));
         return;
     }
     self->refused = false;
@@ -482,4 +502,67 @@ int odidctl_import(const struct odidctl_places *places, const char *directory)
     }
     odidctl_report_end(self.report);
     return self.refused ? ODIDCTL_NOT_GOOD : self.unwritten ? ODIDCTL_HALF_DONE : ODIDCTL_GOOD;
+}
+
+/* ---- what would be taken over ---- */
+
+static void judge_conf_file(struct import *self)
+{
+    size_t length = 0;
+    char *text = read_named(self, &length);
+    struct config config;
+
+    if (text != NULL) {
+        config_defaults(&config);
+        parse(self, &config, text, length);
+        explicit_bzero(&config, sizeof(config));
+        explicit_bzero(text, length);
+        free(text);
+    }
+}
+
+static void judge_keys_file(struct import *self)
+{
+    size_t length = 0;
+    char *text = read_named(self, &length);
+
+    if (text != NULL) {
+        judge_keys(self, text, &length);
+        free(text);
+    }
+}
+
+static void judge_volume(struct import *self, const struct import_volume *volume)
+{
+    self->name = volume->conf[0] != '\0' ? volume->conf : volume->conf_txt;
+    if (self->name[0] == '\0') {
+        refuse(self, "there is no odid.conf");
+    } else {
+        judge_conf_file(self);
+    }
+    self->name = volume->keys[0] != '\0' ? volume->keys : volume->keys_txt;
+    if (self->name[0] != '\0') {
+        judge_keys_file(self);
+    }
+}
+
+int odidctl_import_check(const char *directory)
+{
+    struct import self = {.directory = directory, .report = odidctl_report_begin()};
+    struct import_volume volume = {0};
+    int result = import_volume_look(directory, &volume);
+
+    if (result < 0 || self.report == NULL) {
+        printf("%s: can't be read: %s\n", directory, strerror(result < 0 ? -result : ENOMEM));
+        odidctl_report_end(self.report);
+        return ODIDCTL_NOT_GOOD;
+    }
+    judge_volume(&self, &volume);
+    odidctl_report_end(self.report);
+    if (self.refused) {
+        printf("%s: not all of it would be taken over: %s\n", directory, self.fault);
+        return ODIDCTL_NOT_GOOD;
+    }
+    printf("%s: would be taken over\n", directory);
+    return ODIDCTL_GOOD;
 }

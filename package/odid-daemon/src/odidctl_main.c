@@ -5,6 +5,7 @@
 #include <getopt.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/stat.h>
 
 #include "config.h"
 #include "odidctl.h"
@@ -20,6 +21,7 @@ static const char usage[] =
     "                                    newest first; record N in detail\n"
     "  odidctl armed                     armed, disarmed or unknown; for scripts\n"
     "  odidctl check FILE                what is wrong in a configuration file\n"
+    "  odidctl check DIR                 whether import would take over all that is there\n"
     "  odidctl get SECTION.KEY...        the values in force, such as wifi.channel's, one a line\n"
     "  odidctl set SECTION.KEY VALUE     changes it, unless it is wrong\n"
     "  odidctl import DIR                takes over DIR/odid.conf and DIR/authorized_keys\n"
@@ -92,7 +94,10 @@ static int run_flights(char *const words[])
 
 static int run_check(char *const words[])
 {
-    return check(words[1]);
+    struct stat file;
+
+    return stat(words[1], &file) == 0 && S_ISDIR(file.st_mode) ? odidctl_import_check(words[1])
+                                                               : check(words[1]);
 }
 
 static int run_get(char *const words[])
@@ -153,7 +158,7 @@ static const struct command {
     {"status", 1, 1, "status takes no words", run_status, true},
     {"watch", 1, 1, "watch takes no words", run_watch, false},
     {"flights", 1, 2, "flights takes at most one number", run_flights, true},
-    {"check", 2, 2, "check needs one FILE", run_check, false},
+    {"check", 2, 2, "check needs one FILE or DIR", run_check, false},
     {"get", 2, WORDS_MAX, "get needs at least one SECTION.KEY, and takes up to 11", run_get, false},
     {"set", 3, 3, "set needs SECTION.KEY and VALUE; quote a value with blanks", run_set, false},
     {"import", 2, 2, "import needs one DIR", run_import, false},

@@ -485,6 +485,61 @@ static void wrong_keys_are_refused(void **state)
     }
 }
 
+/* ---- what would be taken over ---- */
+
+/* What a factory reset goes by: it forgot what didn't come back. */
+static void what_would_be_taken_over_is_said_and_nothing_is(void **state)
+{
+    static const struct {
+        const char *conf, *keys, *says;
+    } cases[] = {
+        {GOOD, NULL, "volume: would be taken over\n"},
+        {"[wifi]\nchannel = 11\n", KEY "a\n", "volume: would be taken over\n"}, /* of warnings */
+        {GOOD, "# none\n", "volume: would be taken over\n"},
+        {NULL, KEY "a\n", "volume: not all of it would be taken over: there is no odid.conf"},
+        {"[wifi]\nchannel = 99\n", KEY "a\n", "taken over: odid.conf.txt line 2: [wifi] channel"},
+        {GOOD, KEY "a\nhello\n", "taken over: authorized_keys line 2: expected the type"},
+        {GOOD, "", "taken over: authorized_keys is empty"},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < COUNT(cases); i++) {
+        bool good = strstr(cases[i].says, "not all") == NULL && cases[i].says[0] == 'v';
+
+        bench_clear(NULL);
+        if (cases[i].conf != NULL) {
+            put("volume/odid.conf.txt", cases[i].conf);
+        }
+        if (cases[i].keys != NULL) {
+            put("volume/authorized_keys", cases[i].keys);
+        }
+        assert_int_equal(CALL("check", "volume"), good ? 0 : 1);
+        if (strstr(said, cases[i].says) == NULL) {
+            fail_msg("doesn't say: %s\n%s", cases[i].says, said);
+        }
+        expect_none(CONF);
+        expect_none("data/ssh/authorized_keys");
+        expect_none(REPORT);
+    }
+}
+
+/* It was silent behind fifty sentences: nothing was taken over, and nobody was told. */
+static void an_error_behind_many_warnings_is_one(void **state)
+{
+    char text[4000] = GOOD;
+
+    (void)state;
+    for (unsigned i = 0; i < 60; i++) {
+        strcat(text, "channel = 11\n");
+    }
+    strcat(text, "channel = 99\n");
+    put("volume/odid.conf", text);
+    assert_int_equal(CALL("check", "volume"), 1);
+    assert_int_equal(CALL("import", "volume"), 1);
+    expect_report("NOTHING OF IT WAS TAKEN OVER");
+    assert_int_equal(access("faults/config", F_OK), 0);
+}
+
 /* ---- volumes that can't be written ---- */
 
 static void in_a_child(void (*what)(void))
@@ -611,6 +666,8 @@ int main(void)
         TEST(keys_are_taken_over),
         TEST(wrong_keys_are_refused),
         TEST(of_many_wrong_lines_some_are_told),
+        TEST(what_would_be_taken_over_is_said_and_nothing_is),
+        TEST(an_error_behind_many_warnings_is_one),
         TEST(a_full_volume),
         TEST(a_read_only_volume),
         TEST(a_full_data),
