@@ -31,6 +31,7 @@ static struct {
     bool boot, dry_run;
     int64_t build_us;
     int64_t save_us; /* CLOCK_MONOTONIC: when the time is to be saved next */
+    bool is_new;     /* the clock was set forward since it was saved */
     /* said already, and not to be said again as long as it is so */
     int save_error;
     bool implausible;
@@ -137,6 +138,27 @@ static void save(void)
     }
     self.save_error = result;
     self.save_us = time_us(CLOCK_MONOTONIC) + SAVE_EVERY_US;
+    self.is_new = false;
+}
+
+/*
+ * Every later start begins with what is saved. A time that lies ahead may be forged, or of a
+ * receiver that counts its weeks wrongly: it has to have stood for ten minutes, and so has any
+ * that takes its place. One that lies behind puts right what was saved, at once.
+ */
+static void set_to_autopilots(int64_t autopilot_us)
+{
+    bool ahead = autopilot_us > time_us(CLOCK_REALTIME);
+
+    if (set_clock(autopilot_us, "the autopilot's time") < 0) {
+        return;
+    }
+    if (ahead || self.is_new) {
+        self.is_new = true;
+        self.save_us = time_us(CLOCK_MONOTONIC) + SAVE_EVERY_US;
+    } else {
+        save();
+    }
 }
 
 /* An autopilot's time from before the build is wrong, whatever its receiver made of it. */
@@ -166,9 +188,8 @@ static bool look(void)
         return false;
     }
     judge_plausibility(autopilot_us);
-    if (clock_is_off(time_us(CLOCK_REALTIME), autopilot_us, self.build_us) &&
-        set_clock(autopilot_us, "the autopilot's time") == 0) {
-        save();
+    if (clock_is_off(time_us(CLOCK_REALTIME), autopilot_us, self.build_us)) {
+        set_to_autopilots(autopilot_us);
     }
     return true;
 }
@@ -195,7 +216,9 @@ static int serve(void)
         }
         number = sigtimedwait(&set, NULL, &pause);
     } while (number < 0);
-    save();
+    if (!self.is_new) {
+        save();
+    }
     log_info("ending on signal %d", number);
     return EXIT_SUCCESS;
 }
