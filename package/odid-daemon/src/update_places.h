@@ -22,6 +22,8 @@
 #define MAINTENANCE STATE "/maintenance-asked"
 #define MAINTENANCE_AGAIN DATA "/odid/maintenance-asked"
 #define CONFIGURATION DATA "/odid/odid.conf"
+/* There while /data is in memory (S30data); empty: without the settings that were in it. */
+#define IN_MEMORY STATE "/data-in-memory"
 /* Without one dropbear doesn't listen. */
 #define SSH_KEYS DATA "/ssh/authorized_keys"
 

@@ -2,6 +2,7 @@
 
 #include <json-c/json_object.h>
 #include <stdio.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "config.h"
@@ -35,11 +36,14 @@ static bool prevents_downgrade(void)
     return config.update_prevent_downgrade;
 }
 
-/* Where /data was lost, or can't be read, a sound stand-in is in force. */
+/* Where settings were lost, or are in memory without what the disk has, a sound stand-in is in
+ * force. */
 static bool is_what_was_set(void)
 {
-    return import_sound(CONFIGURATION) && access(FAULTS "/data", F_OK) < 0 &&
-           access(FAULTS "/settings", F_OK) < 0;
+    struct stat memory;
+
+    return import_sound(CONFIGURATION) && access(FAULTS "/settings", F_OK) < 0 &&
+           (stat(IN_MEMORY, &memory) < 0 || memory.st_size > 0);
 }
 
 /* Of what is rolled back a mark is kept, else a stick would bring it again and again. A disk that

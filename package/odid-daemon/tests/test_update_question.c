@@ -23,6 +23,7 @@
 #define ENVIRONMENT_CONFIG "fw_env.config"
 #define DESCRIPTION "sw-description"
 #define CONFIGURATION DATA "/odid/odid.conf"
+#define IN_MEMORY "data-in-memory"
 
 #define odidctl_fetch model_fetch
 #define kept_read model_kept
@@ -136,9 +137,12 @@ static void an_older_one_is_refused_where_the_configuration_is_damaged_or_lost(v
     unlink(CONFIGURATION);
     expect_answer("can't be read");
     PUT(CONFIGURATION, "; what the boot has put there\n");
-    PUT(FAULTS "/data", "/data can't be mounted.\n");
+    PUT(FAULTS "/data", "/data is full.\n");
+    expect_answer("");
+    PUT(IN_MEMORY, "");
     expect_answer("was lost");
-    unlink(FAULTS "/data");
+    PUT(IN_MEMORY, "copied\n");
+    expect_answer("");
     PUT(FAULTS "/settings", "What was set in /data is lost.\n");
     expect_answer("was lost");
     offer("1.2.0");
