@@ -25,13 +25,15 @@
 #define LOOK_AGAIN_S 10
 #define PATIENCE_MS 3000
 #define SAVE_EVERY_US (INT64_C(600) * SECOND_US)
+/* A board that was switched off for so long is no matter of doubt. */
+#define FAR_US (INT64_C(180) * 86400 * SECOND_US)
 
 static struct {
     const char *run_dir, *file, *release;
     bool boot, dry_run;
     int64_t build_us;
     int64_t save_us; /* CLOCK_MONOTONIC: when the time is to be saved next */
-    bool is_new;     /* the clock was set forward since it was saved */
+    bool is_new;     /* the clock was set far ahead since it was saved */
     /* said already, and not to be said again as long as it is so */
     int save_error;
     bool implausible;
@@ -142,18 +144,18 @@ static void save(void)
 }
 
 /*
- * Every later start begins with what is saved. A time that lies ahead may be forged, or of a
+ * Every later start begins with what is saved. A time that lies far ahead may be forged, or of a
  * receiver that counts its weeks wrongly: it has to have stood for ten minutes, and so has any
  * that takes its place. One that lies behind puts right what was saved, at once.
  */
 static void set_to_autopilots(int64_t autopilot_us)
 {
-    bool ahead = autopilot_us > time_us(CLOCK_REALTIME);
+    bool far_ahead = autopilot_us - time_us(CLOCK_REALTIME) > FAR_US;
 
     if (set_clock(autopilot_us, "the autopilot's time") < 0) {
         return;
     }
-    if (ahead || self.is_new) {
+    if (far_ahead || self.is_new) {
         self.is_new = true;
         self.save_us = time_us(CLOCK_MONOTONIC) + SAVE_EVERY_US;
     } else {

@@ -580,7 +580,8 @@ static void judge_offer(bool unattended, char answer[UPDATE_SENTENCE_SIZE])
                                              .other = self.other,
                                              .version = self.version,
                                              .beside = self.beside,
-                                             .unattended = unattended};
+                                             .unattended = unattended,
+                                             .from_server = self.source == UPDATE_SOURCE_SERVER};
 
     take_version();
     if (update_hawkbit_reports(loop_now_us())) {

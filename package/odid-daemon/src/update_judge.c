@@ -80,15 +80,16 @@ static bool begins_with(const char *name, const char *prefix)
 }
 
 /*
- * The autopilot's; a network adapter's that was plugged in (udhcpc-eth1); and there is a file
- * "down" for those that only start when they are told to.
+ * The autopilot's; those that ask a network for an address (udhcpc, udhcpc-eth1), and begin anew
+ * when another adapter comes or goes; and there is a file "down" for those that only start when
+ * they are told to.
  */
 static bool comes_and_goes(const char *directory, const char *name)
 {
     char path[PATH_SIZE];
 
     snprintf(path, sizeof(path), "%s/%s/down", directory, name);
-    return strcmp(name, "mavlink-router") == 0 || begins_with(name, "udhcpc-") ||
+    return strcmp(name, "mavlink-router") == 0 || begins_with(name, "udhcpc") ||
            begins_with(name, "udhcpd-") || access(path, F_OK) == 0;
 }
 

@@ -76,7 +76,7 @@ bool update_offer_judge(const struct update_offer *offer, char *why, unsigned lo
         return refuse(why, size,
                       "Whether the aircraft is armed isn't known, for the daemon doesn't answer.");
     }
-    if (offer->versions.unattended && !offer->remembers) {
+    if ((offer->versions.unattended || offer->versions.from_server) && !offer->remembers) {
         return refuse(why, size,
                       "Whether it failed before can't be kept in /data; the page or odidctl "
                       "installs it.");

@@ -76,6 +76,7 @@ static void fill_offer(struct update_offer *offer, const struct update_bundle *b
                      .running = question->version,
                      .rolled_back = rolled_back,
                      .unattended = question->unattended,
+                     .from_server = question->from_server,
                      .prevent_downgrade = prevents_downgrade(),
                      .unreadable = !is_what_was_set()},
         .needed_octets = bundle->slot_octets,

@@ -11,6 +11,7 @@ struct update_question {
     const char *version; /* that is running */
     bool beside;         /* another update isn't decided */
     bool unattended;
+    bool from_server; /* known to be */
 };
 
 /*

@@ -121,8 +121,17 @@ static void without_an_autopilot_it_is_saved_every_ten_minutes_and_at_the_end(vo
     EXPECT_SAVED(0, 0, 0);
 }
 
+/* As at every start of a board that was switched off for weeks: it may be on for a few minutes
+ * only. */
+static void a_time_that_lies_some_months_ahead_is_saved_at_once(void **state)
+{
+    (void)state;
+    serve_until(100, (const struct said[]){{3, YEAR / 3}, {-1, 0}});
+    EXPECT_SAVED(YEAR / 3, YEAR / 3);
+}
+
 /* Every later start began in the year that somebody had forged. */
-static void a_time_that_lies_ahead_is_saved_once_it_has_stood(void **state)
+static void a_time_that_lies_far_ahead_is_saved_once_it_has_stood(void **state)
 {
     (void)state;
     serve_until(500, (const struct said[]){{3, YEAR}, {-1, 0}});
@@ -149,7 +158,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(without_an_autopilot_it_is_saved_every_ten_minutes_and_at_the_end),
-        cmocka_unit_test(a_time_that_lies_ahead_is_saved_once_it_has_stood),
+        cmocka_unit_test(a_time_that_lies_some_months_ahead_is_saved_at_once),
+        cmocka_unit_test(a_time_that_lies_far_ahead_is_saved_once_it_has_stood),
         cmocka_unit_test(a_time_that_lies_behind_puts_right_what_was_saved_at_once),
     };
 

@@ -157,6 +157,7 @@ static void services_that_ran_have_to_run(void **state)
     write_text("service/udhcpd/down", "");
     write_text("service/.hidden/supervise/pid", "150\n");
     write_text("service/udhcpc-eth1/supervise/pid", "160\n"); /* goes with its adapter */
+    write_text("service/udhcpc/supervise/pid", "165\n");      /* begins anew when one goes */
     write_text("service/udhcpd-gadget0/supervise/pid", "170\n");
     {
         char path[64];

@@ -84,6 +84,18 @@ static void what_nobody_asked_for_is_newer_and_did_not_fail(void **state)
     assert_refused("/data");
 }
 
+/* Its server wasn't told what came of it, and offered it again: installed without end. */
+static void a_server_s_is_taken_only_where_its_outcome_can_be_kept(void **state)
+{
+    (void)state;
+    offer.versions.from_server = true;
+    assert_taken();
+    offer.remembers = false;
+    assert_refused("/data");
+    offer.versions.from_server = false;
+    assert_taken();
+}
+
 /* Its trial has no record then, and what was rolled back is given up without one. */
 static void one_that_was_rolled_back_is_tried_again_where_data_can_be_written(void **state)
 {
@@ -132,6 +144,7 @@ int main(void)
         cmocka_unit_test_setup(a_person_may_install_what_they_want, begin),
         cmocka_unit_test_setup(nobody_knows_what_a_damaged_configuration_said, begin),
         cmocka_unit_test_setup(what_nobody_asked_for_is_newer_and_did_not_fail, begin),
+        cmocka_unit_test_setup(a_server_s_is_taken_only_where_its_outcome_can_be_kept, begin),
         cmocka_unit_test_setup(one_that_was_rolled_back_is_tried_again_where_data_can_be_written,
                                begin),
         cmocka_unit_test_setup(only_a_daemon_that_answers_says_disarmed, begin),
