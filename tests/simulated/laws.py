@@ -116,7 +116,8 @@ def said_as_the_judge_has_it(flight, judgement):
             (one.kind in HOW_OLD or one.kind == "played.system_time") and was_away(flight, one.channel, at_s) or
             one.kind.startswith("played.") and fix_was_doubted(flight, at_s) or
             one.kind in KNOWN_SOON and just_restarted(flight, one.channel, at_s) or
-            one.kind == "played.altitude" and one.found == "None" and autopilot_was_away(flight, at_s))
+            one.kind == "played.altitude" and one.found == "None" and autopilot_was_away(flight, at_s) or
+            one.kind == "played.vertical_speed" and began_undecided(flight, at_s))
         if not excused:
             yield f"{one.kind} at {at_s:.3f} s on {one.channel}: {one.what}; expected {one.expected}, found {one.found}"
 
@@ -177,6 +178,16 @@ def fix_was_doubted(flight, at_s):
     """Then, to the judge, what is said is no position that there was."""
     return any(lost.fault.no_position and lost.begin_s <= at_s <= lost.back_s + lost.fault.limit_s and doubt_s(flight, lost)
                for lost in flight.windows)
+
+
+# Which way is up is decided by three seconds of the first climb, which begins with the flight's 8th second. A daemon that is
+# killed before that leaves none that knows.
+DECIDED_S, DECIDING_S = 14.0, 6.0
+
+
+def began_undecided(flight, at_s):
+    return any(one.fault.restarts and one.begin_s < DECIDED_S and one.begin_s <= at_s <= one.back_s + one.fault.limit_s + DECIDING_S
+               for one in flight.windows)
 
 
 def autopilot_was_away(flight, at_s):

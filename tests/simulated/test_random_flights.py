@@ -22,6 +22,8 @@ EVER_FAILED = {
         "legacy20", "udp", (0.0, 0), True, ("ArduPilot before September 2018", 4), [("daemon_killed", 521.09, 1.8)])),
     "a native altitude that isn't believed was, once telemetry was gone": (40594, (
         "full", "serial", (0.3, 150000), False, ("PX4, mended", 7), [("autopilot_unplugged", 17.03, 23.55)])),
+    "a daemon was killed before it was decided which way is up": (40895, (
+        "bcm43455", "udp", (0.3, 150000), True, ("ArduPilot before September 2018", 4), [("daemon_killed", 11.13, 16.53)])),
     "the receiver's accuracy of now stood beside a place of before": (1207, (
         "full", "udp", (0.3, 150000), False, ("ArduPilot with Open Drone ID", 7), [
             ("controller_slow", 44.18, 2.25), ("hostapd_refuses", 73.08, 20.09), ("foreign_disable", 86.54, 23.47),
