@@ -60,7 +60,7 @@ static void format_channel(char out[CELL_SIZE], const struct recorder_flight *re
 {
     char longest[CELL_SIZE];
 
-    if (!record->totals.channels[channel].required || record->totals.armed_us <= 0) {
+    if (!flight_required(record, channel) || record->totals.armed_us <= 0) {
         snprintf(out, CELL_SIZE, "-");
     } else if (flight_silent_us(record, channel) == 0) {
         snprintf(out, CELL_SIZE, "100 %%");
@@ -221,7 +221,7 @@ static void print_detail_channel(FILE *out, const struct recorder_flight *record
     char first[CELL_SIZE], longest[CELL_SIZE];
 
     fprintf(out, "  %-12s ", channel_title(channel));
-    if (!totals->required) {
+    if (!flight_required(record, channel)) {
         fprintf(out, "not required\n");
         return;
     }
@@ -298,9 +298,10 @@ static struct json_object *channel_json(const struct recorder_flight *record, en
 {
     const struct recorder_channel_totals *totals = &record->totals.channels[channel];
     struct json_object *object = json_object_new_object();
-    bool counts = totals->required && record->totals.armed_us > 0;
+    bool required = flight_required(record, channel);
+    bool counts = required && record->totals.armed_us > 0;
 
-    json_object_object_add(object, "required", json_object_new_boolean(totals->required));
+    json_object_object_add(object, "required", json_object_new_boolean(required));
     add_seconds(object, "first_broadcast_s", totals->first_us);
     add_seconds(object, "armed_on_air_s",
                 counts ? record->totals.armed_us - flight_silent_us(record, channel) : INT64_MIN);

@@ -14,6 +14,13 @@ static double seconds(int64_t us)
     return (double)us * 1e-6;
 }
 
+bool flight_required(const struct recorder_flight *record, enum channel channel)
+{
+    const struct recorder_channel_totals *totals = &record->totals.channels[channel];
+
+    return record->totals.armed_us > 0 ? totals->armed_required : totals->required;
+}
+
 int64_t flight_silent_us(const struct recorder_flight *record, enum channel channel)
 {
     return record->totals.channels[channel].silent_us + record->open_gap_us[channel];
@@ -77,7 +84,7 @@ static void append_channels(char sentence[FLIGHT_SENTENCE_SIZE],
     char longest[32];
 
     for (enum channel channel = 0; channel < CHANNELS; channel++) {
-        if (!record->totals.channels[channel].required ||
+        if (!flight_required(record, channel) ||
             (flight_silent_us(record, channel) == 0) != without_gap) {
             continue;
         }
@@ -141,7 +148,7 @@ static void judge_flight(char sentence[FLIGHT_SENTENCE_SIZE], const struct recor
     unsigned required = 0, whole = 0, never = 0;
 
     for (enum channel channel = 0; channel < CHANNELS; channel++) {
-        if (record->totals.channels[channel].required) {
+        if (flight_required(record, channel)) {
             required++;
             whole += flight_silent_us(record, channel) == 0;
             never += flight_silent_us(record, channel) >= record->totals.armed_us;

@@ -15,6 +15,10 @@ struct flight {
     struct recorder_flight record;
 };
 
+/* Does its record count the channel? Of a flight: one that was required while armed, whatever was
+ * switched off later; else one that is required. */
+bool flight_required(const struct recorder_flight *record, enum channel channel);
+
 /* Of the time armed: all gaps together, and the longest; an unfinished one among them. */
 int64_t flight_silent_us(const struct recorder_flight *record, enum channel channel);
 int64_t flight_longest_us(const struct recorder_flight *record, enum channel channel);

@@ -134,7 +134,7 @@ int64_t recorder_open_gap_us(const struct recorder *recorder, enum channel chann
     int64_t now_us = recorder->totals.at_us;
 
     /* Shorter than that it may be none. */
-    if (!totals->required ||
+    if (!totals->armed_required ||
         (totals->heard_us != INT64_MIN && now_us - totals->heard_us <= RADIO_PAUSE_US)) {
         return 0;
     }
@@ -148,7 +148,12 @@ static void take_channel(struct recorder *recorder, enum channel channel,
     int64_t silent_us;
 
     totals->required = status->required || (totals->first_us != INT64_MIN && !status->disabled);
-    if (!totals->required) { /* its silence is wanted */
+    totals->armed_required |= totals->required && recorder_armed(recorder);
+    if (!totals->required && !status->disabled) { /* it was, until its hardware was known */
+        totals->armed_required = false;
+    }
+    if (!totals->required && (!totals->armed_required || !recorder_armed(recorder))) {
+        /* Its silence is wanted. Of a flight that had it the silence counts, whoever wants it. */
         recorder->settled_us[channel] = totals->heard_us = recorder->totals.at_us;
         return;
     }
@@ -334,6 +339,9 @@ static void take_armed(struct recorder *recorder, bool armed)
     if (armed) {
         totals->armed_since_us = totals->at_us;
         say(recorder, totals->at_us, "armed", "%s", "");
+        for (enum channel channel = 0; channel < CHANNELS; channel++) {
+            totals->channels[channel].armed_required |= totals->channels[channel].required;
+        }
         for (size_t i = 0; i < RECORDER_FAULTS; i++) {
             count_while_armed(recorder, &recorder->faults[i]);
         }
@@ -502,7 +510,7 @@ static const char *instant(int64_t us, char out[24])
 void recorder_say_totals(struct recorder *recorder)
 {
     const struct recorder_totals *totals = &recorder->totals;
-    char channels[640] = "", faults[320] = "", first[24], heard[24];
+    char channels[720] = "", faults[320] = "", first[24], heard[24];
     size_t filled = 0;
 
     for (enum recorder_fault_kind kind = 0; kind < RECORDER_KINDS; kind++) {
@@ -518,11 +526,12 @@ void recorder_say_totals(struct recorder *recorder)
 
         filled += (size_t)snprintf(
             channels + filled, sizeof(channels) - filled,
-            "%s\"%s\":{\"required\":%s,\"first\":%s,\"heard\":%s,\"silent_s\":%.2f,"
-            "\"longest_gap_s\":%.2f,\"gaps\":%u,\"open_gap_s\":%.2f}",
+            "%s\"%s\":{\"required\":%s,\"armed_required\":%s,\"first\":%s,\"heard\":%s,"
+            "\"silent_s\":%.2f,\"longest_gap_s\":%.2f,\"gaps\":%u,\"open_gap_s\":%.2f}",
             channel == 0 ? "" : ",", channel_name(channel), one->required ? "true" : "false",
-            instant(one->first_us, first), instant(one->heard_us, heard), seconds(one->silent_us),
-            seconds(one->longest_us), one->gaps, seconds(recorder_open_gap_us(recorder, channel)));
+            one->armed_required ? "true" : "false", instant(one->first_us, first),
+            instant(one->heard_us, heard), seconds(one->silent_us), seconds(one->longest_us),
+            one->gaps, seconds(recorder_open_gap_us(recorder, channel)));
     }
     say(recorder, totals->at_us, "totals",
         ",\"armed_since\":%s,\"armed_s\":%.2f,\"unwatched_s\":%.2f,\"faults\":%u,\"armed_faults\":%"

@@ -15,7 +15,7 @@
 
 #include "radio.h"
 
-#define RECORDER_LINE_SIZE 1024
+#define RECORDER_LINE_SIZE 1280
 #define RECORDER_NAME_SIZE 32
 #define RECORDER_TEXT_SIZE 160
 #define RECORDER_BOARD_FAULTS 12
@@ -76,12 +76,13 @@ struct recorder_snapshot {
 
 /* What is summed up; written again and again, so that a power cut loses little. */
 struct recorder_channel_totals {
-    bool required;      /* also one that was on the air, and isn't switched off: it is missed */
-    int64_t first_us;   /* first on the air; INT64_MIN: never */
-    int64_t heard_us;   /* last known to be on the air; INT64_MIN: never */
-    int64_t silent_us;  /* gaps while armed, all together, without an unfinished one */
-    int64_t longest_us; /* the longest of them */
-    unsigned gaps;      /* their number */
+    bool required;       /* also one that was on the air, and isn't switched off: it is missed */
+    bool armed_required; /* was so at some time while armed; from then on a flight misses it */
+    int64_t first_us;    /* first on the air; INT64_MIN: never */
+    int64_t heard_us;    /* last known to be on the air; INT64_MIN: never */
+    int64_t silent_us;   /* gaps while armed, all together, without an unfinished one */
+    int64_t longest_us;  /* the longest of them */
+    unsigned gaps;       /* their number */
 };
 
 struct recorder_totals {

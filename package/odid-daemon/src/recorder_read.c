@@ -35,6 +35,9 @@ static void take_totals(struct recorder_flight *flight, struct json_object *line
             recorder_json_find(recorder_json_find(line, "channels"), channel_name(channel));
 
         one->required = recorder_json_true(object, "required");
+        one->armed_required = recorder_json_find(object, "armed_required") == NULL
+                                  ? one->required /* of an earlier version */
+                                  : recorder_json_true(object, "armed_required");
         one->first_us = recorder_json_us(object, "first", INT64_MIN);
         one->heard_us = recorder_json_us(object, "heard", INT64_MIN);
         one->silent_us = recorder_json_us(object, "silent_s", 0);
@@ -61,6 +64,9 @@ static void take_armed(struct recorder_totals *totals, bool armed, int64_t at_us
 {
     pass_armed(totals, at_us);
     totals->armed_since_us = armed ? at_us : INT64_MIN;
+    for (enum channel channel = 0; channel < CHANNELS; channel++) {
+        totals->channels[channel].armed_required |= armed && totals->channels[channel].required;
+    }
 }
 
 /* ---- faults that are there still ---- */

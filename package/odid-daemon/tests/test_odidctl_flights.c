@@ -179,6 +179,64 @@ static void a_flight_with_gaps_everywhere(void **state)
            "longest gap 20 s, without a position for 89 s; power cut");
 }
 
+static void switch_off(enum channel channel)
+{
+    bench.snapshot.channels[channel].required = false;
+    bench.snapshot.channels[channel].disabled = true;
+    set_sending(channel, false);
+    pass(10);
+}
+
+/* Its gaps went out of the verdict; without any channel a good flight wasn't on the air. */
+static void what_is_switched_off_after_landing_changes_no_flight(void **state)
+{
+    (void)state;
+    take_off();
+    pass(100);
+    set_sending(CHANNEL_WIFI, false);
+    pass(4);
+    set_sending(CHANNEL_WIFI, true);
+    pass(96);
+    land();
+    switch_off(CHANNEL_WIFI);
+    recorder_say_totals(&bench.recorder);
+    put_record(1, 0);
+    switch_off(CHANNEL_BT4);
+    end();
+    put_record(2, 0);
+    for (int number = 1; number <= 2; number++) {
+        assert_int_equal(show(number == 1 ? "1" : "2", "", false), 0);
+        expect("on the air the whole flight by Bluetooth 4; gaps: Wi-Fi beacon 97.9 %, longest gap "
+               "4.1 s\n");
+        expect("97.9 % of the armed time, 1 gap, the longest 4.1 s\n");
+        expect("Bluetooth 5  not required\n");
+    }
+    assert_int_equal(show(NULL, "", false), 0);
+    expect(" 97.9 % 4.1 s ");
+    assert_int_equal(show("2", "", true), 0);
+    expect("\"armed_longest_gap_s\": 4.10");
+}
+
+/* What an earlier version wrote knows only of now. */
+static void a_record_of_an_earlier_version(void **state)
+{
+    static const char *const lines[] = {
+        "{\"t\":3.00,\"event\":\"start\",\"boot\":\"b\"}",
+        "{\"t\":99.00,\"event\":\"totals\",\"armed_since\":null,\"armed_s\":50.00,\"channels\":{"
+        "\"bt4\":{\"required\":true,\"first\":3.00,\"heard\":99.00},"
+        "\"wifi\":{\"required\":false,\"first\":3.00,\"heard\":99.00}}}",
+    };
+
+    (void)state;
+    bench.text.length = 0;
+    recorder_text_add(&bench.text, lines[0]);
+    recorder_text_add(&bench.text, lines[1]);
+    put_record(1, 0);
+    assert_int_equal(show("1", "", false), 0);
+    expect("Flight record 1: on the air the whole flight\n");
+    expect("Wi-Fi beacon not required\n");
+}
+
 static void a_flight_that_nobody_could_hear(void **state)
 {
     (void)state;
@@ -385,6 +443,8 @@ int main(void)
         TEST(a_flight_with_gaps_on_one_channel),
         TEST(a_tiny_gap_is_not_rounded_away),
         TEST(a_flight_with_gaps_everywhere),
+        TEST(what_is_switched_off_after_landing_changes_no_flight),
+        TEST(a_record_of_an_earlier_version),
         TEST(a_flight_that_nobody_could_hear),
         TEST(on_the_ground),
         TEST(one_in_detail),

@@ -144,19 +144,65 @@ static void a_channel_that_never_came_is_silent_from_arming_on(void **state)
     assert_int_equal(bench.flight.open_gap_us[CHANNEL_WIFI], 0);
 }
 
+static void switch_off(enum channel channel)
+{
+    bench.snapshot.channels[channel].required = false;
+    bench.snapshot.channels[channel].disabled = true;
+    set_sending(channel, false);
+}
+
 static void a_channel_that_is_not_required_has_no_gaps(void **state)
 {
     (void)state;
-    take_off();
+    set_sending(CHANNEL_BT4, true);
+    set_sending(CHANNEL_WIFI, true);
     pass(10);
-    bench.snapshot.channels[CHANNEL_WIFI].required = false;
-    bench.snapshot.channels[CHANNEL_WIFI].disabled = true;
-    set_sending(CHANNEL_WIFI, false);
+    switch_off(CHANNEL_WIFI);
+    pass(10);
+    bench.snapshot.armed = true;
     pass(100);
     look();
     assert_int_equal(bench.flight.open_gap_us[CHANNEL_WIFI], 0);
     assert_int_equal(totals(CHANNEL_WIFI)->silent_us, 0);
+    assert_false(totals(CHANNEL_WIFI)->armed_required);
     assert_int_equal(bench.flight.totals.faults, 0);
+}
+
+/* It went out of the verdict, with every gap that it had. */
+static void a_channel_that_is_switched_off_in_flight_is_silent(void **state)
+{
+    (void)state;
+    take_off();
+    pass(10);
+    set_sending(CHANNEL_WIFI, false);
+    pass(1);
+    switch_off(CHANNEL_WIFI);
+    pass(100);
+    look();
+    assert_int_equal(bench.flight.totals.faults, 1);
+    assert_int_equal(bench.flight.faults, 0); /* that it is silent is wanted */
+    NEAR(bench.flight.open_gap_us[CHANNEL_WIFI], 101 * SECOND + 100000);
+    assert_true(totals(CHANNEL_WIFI)->armed_required);
+    bench.snapshot.armed = false;
+    pass(20);
+    look();
+    NEAR(totals(CHANNEL_WIFI)->silent_us, 102 * SECOND + 100000);
+    assert_int_equal(totals(CHANNEL_WIFI)->gaps, 1);
+    assert_int_equal(bench.flight.open_gap_us[CHANNEL_WIFI], 0);
+}
+
+/* Each daemon asks for long range until the controller has said that it has none. */
+static void what_the_hardware_never_could_is_not_missed(void **state)
+{
+    (void)state;
+    take_off();
+    bench.snapshot.channels[CHANNEL_BT5].required = true;
+    pass(2);
+    bench.snapshot.channels[CHANNEL_BT5].required = false;
+    pass(10);
+    look();
+    assert_false(totals(CHANNEL_BT5)->armed_required);
+    assert_int_equal(bench.flight.open_gap_us[CHANNEL_BT5], 0);
 }
 
 /* The daemon said that its hardware can't, and its silence passed for wanted. */
@@ -523,6 +569,8 @@ int main(void)
         TEST(only_the_armed_part_of_a_gap_counts),
         TEST(a_channel_that_never_came_is_silent_from_arming_on),
         TEST(a_channel_that_is_not_required_has_no_gaps),
+        TEST(a_channel_that_is_switched_off_in_flight_is_silent),
+        TEST(what_the_hardware_never_could_is_not_missed),
         TEST(a_channel_that_was_on_the_air_and_cannot_any_more_is_missed),
         TEST(a_daemon_that_does_not_answer_is_a_fault),
         TEST(a_daemon_that_was_only_mute_made_no_gap),
