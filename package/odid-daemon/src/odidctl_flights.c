@@ -87,7 +87,7 @@ static void print_row(FILE *out, const struct flight *flight)
     for (enum channel channel = 0; channel < CHANNELS; channel++) {
         format_channel(channels[channel], record, channel);
     }
-    flight_judge(sentence, record);
+    flight_judge(sentence, flight);
     fprintf(out, ROW, number, when, lasted, armed, first, channels[CHANNEL_BT4],
             channels[CHANNEL_BT5], channels[CHANNEL_WIFI], faults);
     fprintf(out, "%-6s %s; %s\n", "", sentence,
@@ -266,7 +266,7 @@ static void print_detail(FILE *out, const struct flight *flight, size_t length)
     const struct recorder_flight *record = &flight->record;
     char sentence[FLIGHT_SENTENCE_SIZE];
 
-    flight_judge(sentence, record);
+    flight_judge(sentence, flight);
     fprintf(out, "Flight record %u: %s\n\n", flight->number, sentence);
     if (record->started) {
         print_summary(out, flight);
@@ -319,7 +319,7 @@ static struct json_object *flight_json(const struct flight *flight)
     struct json_object *object = json_object_new_object(), *channels = json_object_new_object();
     char when[WHEN_SIZE], sentence[FLIGHT_SENTENCE_SIZE];
 
-    flight_judge(sentence, record);
+    flight_judge(sentence, flight);
     format_start(when, record, true);
     json_object_object_add(object, "number", json_object_new_int64(flight->number));
     json_object_object_add(object, "start_utc",

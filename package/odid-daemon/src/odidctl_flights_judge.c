@@ -143,6 +143,17 @@ static void append_restarts(char sentence[FLIGHT_SENTENCE_SIZE],
     }
 }
 
+/* What was before the record, or is behind it, nobody saw: another record, or none, has it. */
+static void append_bounds(char sentence[FLIGHT_SENTENCE_SIZE], const struct flight *flight)
+{
+    if (flight->record.totals.began == RECORDER_ARMED) {
+        append(sentence, ", armed when the record began");
+    }
+    if (!flight->running && flight->record.totals.armed_since_us != INT64_MIN) {
+        append(sentence, ", the record ends while armed");
+    }
+}
+
 static void judge_flight(char sentence[FLIGHT_SENTENCE_SIZE], const struct recorder_flight *record)
 {
     unsigned required = 0, whole = 0, never = 0;
@@ -174,13 +185,19 @@ static void judge_flight(char sentence[FLIGHT_SENTENCE_SIZE], const struct recor
     append_unwatched(sentence, record);
 }
 
-void flight_judge(char sentence[FLIGHT_SENTENCE_SIZE], const struct recorder_flight *record)
+void flight_judge(char sentence[FLIGHT_SENTENCE_SIZE], const struct flight *flight)
 {
+    const struct recorder_flight *record = &flight->record;
+
     sentence[0] = '\0';
     if (!record->started) {
         append(sentence, "the record can't be understood");
     } else if (record->totals.armed_us > 0) {
         judge_flight(sentence, record);
+        append_bounds(sentence, flight);
+    } else if (record->totals.armed_since_us != INT64_MIN) {
+        append(sentence, "just armed");
+        append_bounds(sentence, flight);
     } else if (flight_first_us(record) == INT64_MIN) {
         append(sentence, "never armed, and never on the air");
     } else {

@@ -7,7 +7,7 @@
 
 #include "recorder_read.h"
 
-#define FLIGHT_SENTENCE_SIZE 400
+#define FLIGHT_SENTENCE_SIZE 600
 
 struct flight {
     unsigned number;
@@ -33,6 +33,6 @@ int64_t flight_first_us(const struct recorder_flight *record);
 const char *flight_ending(const struct flight *flight);
 
 /* Was it on the air the whole flight? */
-void flight_judge(char sentence[FLIGHT_SENTENCE_SIZE], const struct recorder_flight *record);
+void flight_judge(char sentence[FLIGHT_SENTENCE_SIZE], const struct flight *flight);
 
 #endif

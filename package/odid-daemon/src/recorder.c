@@ -333,6 +333,9 @@ static void take_armed(struct recorder *recorder, bool armed)
 {
     struct recorder_totals *totals = &recorder->totals;
 
+    if (totals->began == RECORDER_UNTOLD) {
+        totals->began = armed ? RECORDER_ARMED : RECORDER_DISARMED;
+    }
     if (armed == recorder_armed(recorder)) {
         return;
     }
@@ -507,6 +510,11 @@ static const char *instant(int64_t us, char out[24])
     return out;
 }
 
+static const char *began(enum recorder_began began)
+{
+    return began == RECORDER_UNTOLD ? "null" : began == RECORDER_ARMED ? "true" : "false";
+}
+
 void recorder_say_totals(struct recorder *recorder)
 {
     const struct recorder_totals *totals = &recorder->totals;
@@ -534,10 +542,11 @@ void recorder_say_totals(struct recorder *recorder)
             one->gaps, seconds(recorder_open_gap_us(recorder, channel)));
     }
     say(recorder, totals->at_us, "totals",
-        ",\"armed_since\":%s,\"armed_s\":%.2f,\"unwatched_s\":%.2f,\"faults\":%u,\"armed_faults\":%"
+        ",\"began_armed\":%s,\"armed_since\":%s,\"armed_s\":%.2f,\"unwatched_s\":%.2f,\"faults\":%"
+        "u,\"armed_faults\":%"
         "u,\"restarts\":%u,"
         "\"armed_restarts\":%u,\"armed_fault_s\":{%s},\"channels\":{%s}",
-        instant(totals->armed_since_us, first), seconds(totals->armed_us),
+        began(totals->began), instant(totals->armed_since_us, first), seconds(totals->armed_us),
         seconds(totals->unwatched_us), totals->faults, totals->armed_faults, totals->restarts,
         totals->armed_restarts, faults, channels);
 }

@@ -85,9 +85,13 @@ struct recorder_channel_totals {
     unsigned gaps;       /* their number */
 };
 
+/* What the first word of this power-on was. */
+enum recorder_began { RECORDER_UNTOLD, RECORDER_DISARMED, RECORDER_ARMED };
+
 struct recorder_totals {
     int64_t at_us;
     int64_t armed_since_us;            /* INT64_MIN: not armed */
+    enum recorder_began began;         /* armed: its flight began before the record */
     int64_t armed_us;                  /* the time armed, all together */
     int64_t unwatched_us;              /* of it: nobody looked, for some seconds each time */
     unsigned faults, armed_faults;     /* all; those that were there while armed */

@@ -13,6 +13,14 @@ static void copy(char *out, size_t size, const char *text)
 
 /* ---- totals ---- */
 
+static enum recorder_began take_began(struct json_object *line)
+{
+    if (!json_object_is_type(recorder_json_find(line, "began_armed"), json_type_boolean)) {
+        return RECORDER_UNTOLD; /* also one of an earlier version */
+    }
+    return recorder_json_true(line, "began_armed") ? RECORDER_ARMED : RECORDER_DISARMED;
+}
+
 static void take_totals(struct recorder_flight *flight, struct json_object *line, int64_t at_us)
 {
     struct recorder_totals *totals = &flight->totals;
@@ -20,6 +28,7 @@ static void take_totals(struct recorder_flight *flight, struct json_object *line
 
     totals->at_us = at_us;
     totals->armed_since_us = recorder_json_us(line, "armed_since", INT64_MIN);
+    totals->began = take_began(line);
     totals->armed_us = recorder_json_us(line, "armed_s", 0);
     totals->unwatched_us = recorder_json_us(line, "unwatched_s", 0);
     totals->faults = recorder_json_count(line, "faults");

@@ -94,6 +94,14 @@ static void a_good_flight(void **state)
     expect("       on the air the whole flight; ended in order\n");
 }
 
+static void take_off_at_once(void)
+{
+    set_sending(CHANNEL_BT4, true);
+    set_sending(CHANNEL_WIFI, true);
+    bench.snapshot.armed = true;
+    pass(1);
+}
+
 static void newest_first_and_every_ending(void **state)
 {
     (void)state;
@@ -112,14 +120,61 @@ static void newest_first_and_every_ending(void **state)
     assert_true(strstr(text, "\n2 ") < strstr(text, "\n1 "));
     expect("clock unknown");
     expect("on the air the whole flight; it is being recorded");
-    expect("on the air the whole flight; ended in order");
+    expect("on the air the whole flight, the record ends while armed; ended in order");
     assert_int_equal(show(NULL, "another power-on", false), 0);
-    expect("on the air the whole flight; power cut");
+    expect("on the air the whole flight, the record ends while armed; power cut");
     assert_null(strstr(text, "being recorded"));
     /* the torn totals are those of ten seconds before */
     assert_int_equal(show("2", "", false), 0);
     expect("power cut (the last line is torn, and left out)");
     expect("armed 60 s");
+}
+
+/* A board that restarts in the air: two records, and each was of a whole flight. */
+static void a_flight_that_is_in_two_records(void **state)
+{
+    (void)state;
+    take_off();
+    pass(60);
+    recorder_say_totals(&bench.recorder);
+    put_record(1, 0);
+    bench_reset(NULL);
+    bench.snapshot.armed_known = false;
+    pass(1);
+    bench.snapshot.armed_known = true;
+    take_off_at_once();
+    pass(60);
+    recorder_say_totals(&bench.recorder);
+    put_record(2, 0);
+    land();
+    pass(5);
+    bench.snapshot.armed = true; /* its next flight changes nothing */
+    pass(5);
+    land();
+    recorder_say_totals(&bench.recorder);
+    put_record(3, 0);
+    assert_int_equal(show(NULL, BOOT, false), 0);
+    expect("on the air the whole flight, armed when the record began; it is being recorded\n");
+    assert_int_equal(show("1", "", false), 0);
+    expect("1: on the air the whole flight, the record ends while armed\n");
+    assert_int_equal(show("2", "", false), 0);
+    expect("2: on the air the whole flight, armed when the record began, the record ends while "
+           "armed\n");
+    assert_int_equal(show("3", "", false), 0);
+    expect("3: on the air the whole flight, armed when the record began\n");
+}
+
+/* It passed for one that was never armed. */
+static void a_power_cut_at_arming(void **state)
+{
+    (void)state;
+    take_off();
+    recorder_say_totals(&bench.recorder);
+    put_record(1, 0);
+    assert_int_equal(show(NULL, "", false), 0);
+    expect("       just armed, the record ends while armed; power cut\n");
+    assert_int_equal(show(NULL, BOOT, false), 0);
+    expect("       just armed; it is being recorded\n");
 }
 
 static void a_flight_with_gaps_on_one_channel(void **state)
@@ -135,7 +190,7 @@ static void a_flight_with_gaps_on_one_channel(void **state)
     put_record(1, 0);
     assert_int_equal(show(NULL, "", false), 0);
     expect("on the air the whole flight by Bluetooth 4; gaps: Wi-Fi beacon 97.9 %, longest gap "
-           "4.1 s; ended in order\n");
+           "4.1 s, the record ends while armed; ended in order\n");
     expect(" 100 % ");
     expect(" 97.9 % 4.1 s ");
     assert_int_equal(show("1", "", false), 0);
@@ -176,7 +231,7 @@ static void a_flight_with_gaps_everywhere(void **state)
     put_record(1, 0);
     assert_int_equal(show(NULL, "", false), 0);
     expect("on the air WITH GAPS: Bluetooth 4 79.8 %, longest gap 20 s, Wi-Fi beacon 79.8 %, "
-           "longest gap 20 s, without a position for 89 s; power cut");
+           "longest gap 20 s, without a position for 89 s, the record ends while armed; power cut");
 }
 
 static void switch_off(enum channel channel)
@@ -246,7 +301,8 @@ static void a_flight_that_nobody_could_hear(void **state)
     recorder_say_totals(&bench.recorder);
     put_record(1, 0);
     assert_int_equal(show(NULL, "", false), 0);
-    expect("NOT on the air in flight; power cut");
+    expect("NOT on the air in flight, armed when the record began, the record ends while armed; "
+           "power cut");
     expect("never");
     set_sending(CHANNEL_BT4, true);
     pass(100);
@@ -316,7 +372,9 @@ static void what_nobody_looked_at_is_in_the_verdict(void **state)
     end();
     put_record(7, 0);
     assert_int_equal(show("7", "", false), 0);
-    expect("Flight record 7: on the air the whole flight, unwatched for 7.0 s\n");
+    expect(
+        "Flight record 7: on the air the whole flight, unwatched for 7.0 s, the record ends while "
+        "armed\n");
     expect("   14.0 s  nobody looked for 7.0 s\n");
 }
 
@@ -440,6 +498,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(a_good_flight),
         TEST(newest_first_and_every_ending),
+        TEST(a_flight_that_is_in_two_records),
+        TEST(a_power_cut_at_arming),
         TEST(a_flight_with_gaps_on_one_channel),
         TEST(a_tiny_gap_is_not_rounded_away),
         TEST(a_flight_with_gaps_everywhere),

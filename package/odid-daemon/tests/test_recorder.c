@@ -519,6 +519,7 @@ static void a_restart_of_ours_loses_nothing(void **state)
     go_on();
     pass(4);
     look();
+    assert_int_equal(bench.flight.totals.began, RECORDER_DISARMED);
     assert_int_equal(bench.flight.totals.armed_us, 12 * SECOND); /* ... and counted all the same */
     assert_int_equal(bench.flight.totals.faults, 1);
     assert_int_equal(totals(CHANNEL_BT4)->gaps, 0);
