@@ -99,14 +99,16 @@ static void append_channels(char sentence[FLIGHT_SENTENCE_SIZE],
     }
 }
 
-/* What was sent lacked something, however well it was sent. */
+/* What was sent lacked something, or wasn't to be believed, however well it was sent. */
 static void append_lacks(char sentence[FLIGHT_SENTENCE_SIZE], const struct recorder_flight *record)
 {
     static const struct {
         enum recorder_fault_kind kind;
         const char *words;
     } lacks[] = {{RECORDER_POSITION, "without a position"},
-                 {RECORDER_IDENTITY, "without a whole identity"}};
+                 {RECORDER_IDENTITY, "without a whole identity"},
+                 {RECORDER_SIMULATED, "simulated"},
+                 {RECORDER_SOURCES, "two sources spoke"}};
     char lasted[32];
 
     for (size_t i = 0; i < sizeof(lacks) / sizeof(lacks[0]); i++) {

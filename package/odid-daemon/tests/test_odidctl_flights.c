@@ -378,6 +378,27 @@ static void what_nobody_looked_at_is_in_the_verdict(void **state)
     expect("   14.0 s  nobody looked for 7.0 s\n");
 }
 
+/* A flight of a simulator, or of somebody else's word, passed for one that was proven. */
+static void what_was_sent_of_a_simulation_is_in_the_verdict(void **state)
+{
+    (void)state;
+    take_off();
+    bench.snapshot.simulated = true;
+    pass(30);
+    bench.snapshot.two_sources = true;
+    pass(10);
+    bench.snapshot.simulated = bench.snapshot.two_sources = false;
+    land();
+    bench.snapshot.two_sources = true; /* on the ground it is nobody's flight */
+    pass(10);
+    end();
+    put_record(7, 0);
+    assert_int_equal(show("7", "", false), 0);
+    expect(
+        "Flight record 7: on the air the whole flight, simulated for 40 s, two sources spoke for "
+        "10 s\n");
+}
+
 /* Whoever has taken the recorder over writes on no technician's terminal. */
 static void a_record_moves_no_cursor(void **state)
 {
@@ -509,6 +530,7 @@ int main(void)
         TEST(on_the_ground),
         TEST(one_in_detail),
         TEST(what_nobody_looked_at_is_in_the_verdict),
+        TEST(what_was_sent_of_a_simulation_is_in_the_verdict),
         TEST(a_record_moves_no_cursor),
         TEST(months_in_detail),
         TEST(as_json),
