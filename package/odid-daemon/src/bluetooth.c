@@ -155,7 +155,7 @@ static struct bluetooth_adapter *add_adapter(const char *name)
     adapter->name = name;
     adapter->address = self.address;
     adapter->hci.watch.fd = -1;
-    adapter->reset_first = false;
+    adapter->reset_first = adapter->long_range_refused = false;
     adapter->repair_logged_us = INT64_MIN / 2;
     adapter->repair_from_us = INT64_MIN;
     adapter->again_wait_us = BLUETOOTH_AGAIN_US;

@@ -72,6 +72,7 @@ struct bluetooth_adapter {
     int64_t again_us;           /* something is missing: tried again then; LOOP_NEVER: nothing is */
     int64_t again_wait_us;
     bool reset_first;           /* the last set-up was refused */
+    bool long_range_refused;    /* one was by long range's part, which wasn't on the air since */
     enum bluetooth_step repair; /* from where to set up again; STEP_ON_AIR: nothing to repair */
     bool enabling_again;        /* a repair by that single command is under way */
     int64_t repair_from_us;     /* no repair before this, ... */

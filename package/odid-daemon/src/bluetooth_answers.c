@@ -29,10 +29,18 @@ struct answer {
 
 /* ---- the set-up's answers ---- */
 
+/* What the controller was asked for is long range's, or that as well. */
+static bool is_long_ranges(const struct bluetooth_adapter *adapter)
+{
+    return adapter->step >= STEP_LONG_RANGE_PARAMETERS &&
+           adapter->sets[BLUETOOTH_LONG_RANGE].possible;
+}
+
 static void refused(struct bluetooth_adapter *adapter, const struct answer *answer, int64_t now_us)
 {
     char detail[RADIO_DETAIL_SIZE];
 
+    adapter->long_range_refused = adapter->long_range_refused || is_long_ranges(adapter);
     snprintf(detail, sizeof(detail), "%s refused command 0x%04x with status 0x%02x", adapter->name,
              answer->opcode, answer->status);
     adapter->reset_first = true;
@@ -116,8 +124,7 @@ static bool give_up_long_range(struct bluetooth_adapter *adapter, const struct a
     struct bluetooth_advertising *long_range = &adapter->sets[BLUETOOTH_LONG_RANGE];
     char detail[RADIO_DETAIL_SIZE];
 
-    if (adapter->step < STEP_LONG_RANGE_PARAMETERS || !long_range->possible ||
-        !adapter->sets[BLUETOOTH_LEGACY].possible) {
+    if (!is_long_ranges(adapter) || !adapter->sets[BLUETOOTH_LEGACY].possible) {
         return false;
     }
     snprintf(detail, sizeof(detail), "%s refused command 0x%04x with status 0x%02x", adapter->name,
@@ -156,7 +163,8 @@ static bool ask_for_less(struct bluetooth_adapter *adapter, const struct answer 
                          int64_t now_us)
 {
     if (!is_inability(answer->status)) {
-        return false;
+        /* The second time it isn't a mood that an opening anew heals. */
+        return adapter->long_range_refused && give_up_long_range(adapter, answer, now_us);
     }
     if (adapter->step == STEP_LEGACY_PARAMETERS && !adapter->slow) {
         adapter->slow = true; /* before Bluetooth 5.0, 100 ms is the shortest interval */
@@ -209,6 +217,9 @@ static void come_on_air(struct bluetooth_adapter *adapter, int64_t now_us)
 {
     retry_reset(&adapter->retry);
     adapter->reset_first = false;
+    if (adapter->sets[BLUETOOTH_LONG_RANGE].possible) {
+        adapter->long_range_refused = false;
+    }
     if (has_less(adapter)) {
         try_again_later(adapter, now_us);
     } else {

@@ -54,9 +54,10 @@ struct fake_controller {
                               the command */
     size_t takes;          /* that it does take */
     /* faults */
-    bool mute, holds, no_room; /* no answer; no answer yet; answers, but takes no more */
-    uint16_t refused;          /* a command that is refused once, ... */
-    uint8_t refusal;           /* ... with this status */
+    bool mute, holds, no_room;   /* no answer; no answer yet; answers, but takes no more */
+    uint16_t refused;            /* a command that is refused once, ... */
+    uint8_t refusal;             /* ... with this status */
+    uint16_t refused_long_range; /* the same each time, of long range's set */
     /* what it was made to do; legacy commands use set 0 */
     bool legacy_used, extended_used;
     struct fake_set sets[2];
@@ -226,12 +227,20 @@ static uint8_t fake_extended(struct fake_controller *fake, uint16_t opcode, cons
     }
 }
 
+static bool fake_is_for_long_range(uint16_t opcode, const uint8_t *p)
+{
+    return opcode == 0x2039 ? p[1] == 2 : p[0] == 1;
+}
+
 /* Does what a command says, whoever sent it. Returns the status. */
 static uint8_t fake_obey(struct fake_controller *fake, uint16_t opcode, const uint8_t *p,
                          size_t length)
 {
     if (opcode == fake->refused) {
         fake->refused = 0;
+        return fake->refusal;
+    }
+    if (opcode == fake->refused_long_range && fake_is_for_long_range(opcode, p)) {
         return fake->refusal;
     }
     switch (opcode) {

@@ -329,6 +329,51 @@ static void a_refused_set_up_is_tried_again_later(void **state)
     assert_true(loop_until(both_on_air, 500));
 }
 
+/* Whatever it calls that: Bluetooth 4 doesn't stay off the air for it. */
+static void legacy_does_not_wait_for_a_long_range_that_is_refused_each_time(void **state)
+{
+    static const uint16_t commands[] = {0x207F, 0x2035, 0x2037, 0x2039};
+    static const uint8_t statuses[] = {0x0C, 0x0D, 0x1F, 0x42};
+
+    (void)state;
+    for (size_t i = 0; i < 4; i++) {
+        unsigned n;
+
+        start(CAPABLE);
+        fake.refused_long_range = commands[i];
+        fake.refusal = statuses[i];
+        begin();
+        set_legacy(1);
+        set_extended(1);
+        assert_true(loop_until(legacy_on_air, 1000));
+        assert_true(bt5_is_given_up());
+        assert_int_equal(bt4.failures, 1);
+        n = fake.count;
+        give_payloads_for(12000); /* tried again, in vain */
+        assert_int_not_equal(count_since(n, 0x207F), 0);
+        assert_true(legacy_on_air() && bt5_is_given_up());
+        assert_int_equal(bt4.failures, 1);
+        fake.refused_long_range = 0;
+        give_payloads_for(21000);
+        assert_true(both_on_air());
+        end(state);
+    }
+    start(CAPABLE); /* for the teardown */
+}
+
+static void a_long_range_that_is_refused_once_is_not_given_up(void **state)
+{
+    (void)state;
+    start_whole();
+    for (int i = 0; i < 2; i++) { /* once each time that it was on the air */
+        fake.refused = 0x207F;
+        fake.refusal = 0x0C;
+        fake_foreign(&fake, 0x0C03, NULL, 0);
+        assert_true(loop_until(bt4_is_lost, 500));
+        assert_true(loop_until(is_whole, 500));
+    }
+}
+
 static void an_unplugged_controller_comes_back_by_itself(void **state)
 {
     (void)state;
@@ -476,6 +521,8 @@ int main(void)
         TEST(a_foreign_refusal_takes_nothing_for_good),
         TEST(refused_data_makes_a_new_set_up),
         TEST(a_refused_set_up_is_tried_again_later),
+        TEST(legacy_does_not_wait_for_a_long_range_that_is_refused_each_time),
+        TEST(a_long_range_that_is_refused_once_is_not_given_up),
         TEST(an_unplugged_controller_comes_back_by_itself),
         TEST(a_controller_that_is_late_is_waited_for),
         TEST(a_mute_controller_is_lost_in_a_second_and_asked_again),
