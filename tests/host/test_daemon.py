@@ -425,6 +425,27 @@ def test_the_pilot_is_told_once_a_second_and_when_a_channel_is_lost(flying):
     patience.promise("between two HEARTBEATs", max(gaps), 1.2)
 
 
+def test_the_pilot_is_told_of_a_channel_that_a_restart_in_flight_did_not_bring_back(flying):
+    bench = flying()
+    kept = bench.folder / "run/kept"
+    patience.wait_for("take-off to be kept", lambda: kept.exists() and "takeoff" in kept.read_text(), 8, bench.daemon)
+
+    def start_daemon():
+        bench.start_daemon()
+        patience.wait_for("the heartbeat", lambda: view(bench, "aircraft", "armed"), 5, bench.daemon)
+
+    bench.daemon.stop(signal.SIGKILL)
+    bench.hostapd.stop(signal.SIGKILL)  # nobody was there to tell of it
+    start_daemon()
+    wait_answer(bench, "STATUSTEXT", lambda one: "Wi-Fi" in one["text"] and "off air" in one["text"], 4)
+    patience.wait_for("that to be kept", lambda: "told-lost wifi" in kept.read_text(), part=bench.daemon)
+    bench.daemon.stop(signal.SIGKILL)
+    start_daemon()
+    bench.start_hostapd()
+    wait_answer(bench, "STATUSTEXT", lambda one: "Wi-Fi" in one["text"] and "on air again" in one["text"], 5)
+    assert len([one for one in answers(bench, "STATUSTEXT") if "Wi-Fi" in one["text"]]) == 2
+
+
 def asked_for_positions(bench):
     return [one for one in answers(bench, "COMMAND_LONG") if one["command"] == 511 and one["param1"] == 33]
 

@@ -36,10 +36,10 @@ static void parse_armed(const char *word, struct kept *kept)
     }
 }
 
-static void parse_on_air(const char *names, bool on_air[CHANNELS])
+static void parse_channels(const char *names, bool channels[CHANNELS])
 {
     for (enum channel channel = 0; channel < CHANNELS; channel++) {
-        on_air[channel] = strstr(names, channel_name(channel)) != NULL;
+        channels[channel] = strstr(names, channel_name(channel)) != NULL;
     }
 }
 
@@ -59,7 +59,9 @@ static void parse_line(const char *line, struct kept *kept)
     } else if (sscanf(line, "armed %7s", word) == 1) {
         parse_armed(word, kept);
     } else if (strncmp(line, "on-air ", strlen("on-air ")) == 0) {
-        parse_on_air(line + strlen("on-air "), kept->on_air);
+        parse_channels(line + strlen("on-air "), kept->on_air);
+    } else if (strncmp(line, "told-lost ", strlen("told-lost ")) == 0) {
+        parse_channels(line + strlen("told-lost "), kept->told_lost);
     } else if (strncmp(line, "takeoff ", strlen("takeoff ")) == 0) {
         parse_takeoff(line, &kept->takeoff);
     }
@@ -106,22 +108,31 @@ static const char *yes_or_no(bool is)
     return is ? "yes" : "no";
 }
 
-static size_t show(const struct kept *kept, char text[TEXT_SIZE])
+/* Returns the length with that line, which begins with its name. */
+static size_t show_channels(const char *name, const bool channels[CHANNELS], char text[TEXT_SIZE],
+                            size_t length)
 {
-    const struct aircraft_takeoff *takeoff = &kept->takeoff;
-    size_t length = (size_t)snprintf(
-        text, TEXT_SIZE,
-        "vehicle %u\narmed %s\narmed-once %s\nfix %s\nvertical-inverted %s\non-air", kept->vehicle,
-        armed_words[kept->armed], yes_or_no(kept->armed_once), yes_or_no(kept->fix_known),
-        yes_or_no(kept->vertical_inverted));
-
+    length += (size_t)snprintf(text + length, TEXT_SIZE - length, "%s", name);
     for (enum channel channel = 0; channel < CHANNELS; channel++) {
-        if (kept->on_air[channel]) {
+        if (channels[channel]) {
             length +=
                 (size_t)snprintf(text + length, TEXT_SIZE - length, " %s", channel_name(channel));
         }
     }
     text[length++] = '\n';
+    return length;
+}
+
+static size_t show(const struct kept *kept, char text[TEXT_SIZE])
+{
+    const struct aircraft_takeoff *takeoff = &kept->takeoff;
+    size_t length = (size_t)snprintf(
+        text, TEXT_SIZE, "vehicle %u\narmed %s\narmed-once %s\nfix %s\nvertical-inverted %s\n",
+        kept->vehicle, armed_words[kept->armed], yes_or_no(kept->armed_once),
+        yes_or_no(kept->fix_known), yes_or_no(kept->vertical_inverted));
+
+    length = show_channels("on-air", kept->on_air, text, length);
+    length = show_channels("told-lost", kept->told_lost, text, length);
     if (takeoff->known) { /* an unknown altitude is "nan" */
         length +=
             (size_t)snprintf(text + length, TEXT_SIZE - length, "takeoff %.9f %.9f %.3f %.3f\n",

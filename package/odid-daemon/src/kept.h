@@ -8,6 +8,7 @@
  *   fix yes                    the autopilot has a GNSS fix: yes or no
  *   vertical-inverted no       it sends its vertical speed upside down: yes or no
  *   on-air bt4 wifi            the channels that were on the air since power-on
+ *   told-lost wifi             of these, the ones that the pilot was told are lost
  *   takeoff 57.7 11.9 12 48    in flight: the frozen point, degrees and metres
  *
  * Replaced atomically, at the daemon's first start and on change: whoever wants
@@ -40,6 +41,7 @@ struct kept {
     bool fix_known;
     bool vertical_inverted;
     bool on_air[CHANNELS];           /* once, since power-on */
+    bool told_lost[CHANNELS];        /* and not yet that they are back */
     struct aircraft_takeoff takeoff; /* known = false: on the ground, or it wasn't known */
 };
 

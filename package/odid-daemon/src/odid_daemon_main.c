@@ -203,14 +203,19 @@ static void keep(uint8_t vehicle, const struct aircraft_condition *condition)
     write_kept();
 }
 
-/* One that can't be on the air any more is missed, also by the daemon after this one. */
+/* One that can't be on the air any more is missed, also by the daemon after this one, which tells
+ * the pilot what this one hasn't. */
 static void keep_channels(void)
 {
     bool news = false;
 
     for (enum channel channel = 0; channel < CHANNELS; channel++) {
-        news = news || (self.radios[channel].was_on_air && !self.kept.on_air[channel]);
+        bool lost = self.pilot.lost[channel];
+
+        news = news || (self.radios[channel].was_on_air && !self.kept.on_air[channel]) ||
+               lost != self.kept.told_lost[channel];
         self.kept.on_air[channel] = self.kept.on_air[channel] || self.radios[channel].was_on_air;
+        self.kept.told_lost[channel] = lost;
     }
     if (news) {
         write_kept();
@@ -222,10 +227,13 @@ static void restore_channels(void)
 {
     if (self.kept.armed != KEPT_ARMED) {
         memset(self.kept.on_air, 0, sizeof(self.kept.on_air));
+        memset(self.kept.told_lost, 0, sizeof(self.kept.told_lost));
         return;
     }
     for (enum channel channel = 0; channel < CHANNELS; channel++) {
         self.radios[channel].was_on_air = self.kept.on_air[channel];
+        pilot_restore(&self.pilot, channel, self.kept.on_air[channel],
+                      self.kept.told_lost[channel]);
     }
 }
 

@@ -95,6 +95,12 @@ void pilot_channel(struct pilot *pilot, uint8_t vehicle, enum channel channel,
     pilot->seen[channel] = pilot->seen[channel] || on_air;
 }
 
+void pilot_restore(struct pilot *pilot, enum channel channel, bool seen, bool lost)
+{
+    pilot->seen[channel] = seen;
+    pilot->lost[channel] = lost;
+}
+
 void pilot_sources(struct pilot *pilot, uint8_t vehicle, bool contradicted)
 {
     if (contradicted != pilot->contradicted) {

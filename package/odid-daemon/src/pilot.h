@@ -41,6 +41,9 @@ void pilot_tell(struct pilot *pilot, uint8_t vehicle, const char *reason, bool a
 void pilot_channel(struct pilot *pilot, uint8_t vehicle, enum channel channel,
                    const struct radio *radio, int64_t now_us);
 
+/* Before the first one: what a daemon before this one, in the same flight, has seen and told. */
+void pilot_restore(struct pilot *pilot, enum channel channel, bool seen, bool lost);
+
 /* Do two sources speak as the autopilot? A STATUSTEXT when that begins (critical) or ends. */
 void pilot_sources(struct pilot *pilot, uint8_t vehicle, bool contradicted);
 

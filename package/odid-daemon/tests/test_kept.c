@@ -56,6 +56,7 @@ static void what_was_written_is_read(void **state)
                             .fix_known = true,
                             .vertical_inverted = true,
                             .on_air = {[CHANNEL_BT4] = true, [CHANNEL_WIFI] = true},
+                            .told_lost = {[CHANNEL_WIFI] = true},
                             .takeoff = {.known = true,
                                         .latitude_deg = 57.7089123,
                                         .longitude_deg = -11.9746001,
@@ -70,6 +71,8 @@ static void what_was_written_is_read(void **state)
     assert_true(out.fix_known && out.vertical_inverted);
     assert_true(out.on_air[CHANNEL_BT4] && out.on_air[CHANNEL_WIFI]);
     assert_false(out.on_air[CHANNEL_BT5]);
+    assert_true(out.told_lost[CHANNEL_WIFI]);
+    assert_false(out.told_lost[CHANNEL_BT4] || out.told_lost[CHANNEL_BT5]);
     assert_true(out.takeoff.known);
     assert_true(fabs(out.takeoff.latitude_deg - in.takeoff.latitude_deg) < 1e-8);
     assert_true(fabs(out.takeoff.longitude_deg - in.takeoff.longitude_deg) < 1e-8);
@@ -132,6 +135,32 @@ static void what_cannot_be_written_is_not_there(void **state)
 {
     (void)state;
     in_a_child(true);
+}
+
+/* With the longest of everything that telemetry has: the point is what comes last. */
+static void the_longest_text_is_whole(void **state)
+{
+    const struct kept in = {.vehicle = 255,
+                            .armed_once = true,
+                            .fix_known = true,
+                            .vertical_inverted = true,
+                            .on_air = {true, true, true},
+                            .told_lost = {true, true, true},
+                            .takeoff = {.known = true,
+                                        .latitude_deg = -89.999999999,
+                                        .longitude_deg = -179.999999999,
+                                        .altitude_msl_m = -2147483.648,
+                                        .altitude_geodetic_m = -2147483.647}};
+    struct kept out;
+
+    (void)state;
+    assert_int_equal(kept_write(directory, &in), 0);
+    kept_read(directory, &out);
+    for (enum channel channel = 0; channel < CHANNELS; channel++) {
+        assert_true(out.on_air[channel] && out.told_lost[channel]);
+    }
+    assert_true(out.takeoff.known);
+    assert_true(fabs(out.takeoff.altitude_geodetic_m - in.takeoff.altitude_geodetic_m) < 1e-4);
 }
 
 static void a_finished_flights_point_is_gone(void **state)
@@ -208,7 +237,7 @@ static void what_another_version_wrote_is_read(void **state)
     write_text("vehicle 7\narmed no\n");
     assert_int_equal(kept_read(directory, &out), 0);
     for (enum channel channel = 0; channel < CHANNELS; channel++) {
-        assert_false(out.on_air[channel]);
+        assert_false(out.on_air[channel] || out.told_lost[channel]);
     }
     write_text("vehicle 7\non-air\nlanded maybe\non-air bt5 bt6\narmed no\n");
     assert_int_equal(kept_read(directory, &out), 0);
@@ -328,6 +357,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(what_was_written_is_read),
+        cmocka_unit_test(the_longest_text_is_whole),
         cmocka_unit_test(a_full_disk_does_not_keep_an_old_no),
         cmocka_unit_test(what_cannot_be_written_is_not_there),
         cmocka_unit_test(a_finished_flights_point_is_gone),

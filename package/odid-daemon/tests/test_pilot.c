@@ -186,6 +186,27 @@ static void a_channel_that_never_was_on_air_is_not_lost(void **state)
     }
 }
 
+/* By the daemon before this one, in the same flight. */
+static void one_that_does_not_come_back_after_a_restart_is_lost(void **state)
+{
+    (void)state;
+    pilot_restore(&pilot, CHANNEL_BT4, true, false);
+    assert_int_equal(channel_at(RADIO_STARTING, 10 * SECOND, 11 * SECOND - 1), 0);
+    assert_int_equal(channel_at(RADIO_STARTING, 10 * SECOND, 11 * SECOND), 1);
+    assert_int_equal(text().severity, MAV_SEVERITY_WARNING);
+    assert_int_equal(channel_at(RADIO_STARTING, 10 * SECOND, 12 * SECOND), 0);
+}
+
+static void what_was_told_before_a_restart_is_not_told_again_but_its_return_is(void **state)
+{
+    (void)state;
+    pilot_restore(&pilot, CHANNEL_BT4, true, true);
+    assert_int_equal(channel_at(RADIO_ABSENT, 10 * SECOND, 20 * SECOND), 0);
+    assert_int_equal(channel_at(RADIO_ON_AIR, 21 * SECOND, 21 * SECOND), 1);
+    assert_int_equal(text().severity, MAV_SEVERITY_NOTICE);
+    assert_int_equal(channel_at(RADIO_LOST, 22 * SECOND, 23 * SECOND), 1);
+}
+
 static void each_channel_is_told_for_itself(void **state)
 {
     (void)state;
@@ -253,6 +274,9 @@ int main(void)
         cmocka_unit_test_setup(a_lost_channel_is_told_once_and_its_return_once, setup),
         cmocka_unit_test_setup(a_repair_within_a_second_is_not_told, setup),
         cmocka_unit_test_setup(a_channel_that_never_was_on_air_is_not_lost, setup),
+        cmocka_unit_test_setup(one_that_does_not_come_back_after_a_restart_is_lost, setup),
+        cmocka_unit_test_setup(what_was_told_before_a_restart_is_not_told_again_but_its_return_is,
+                               setup),
         cmocka_unit_test_setup(each_channel_is_told_for_itself, setup),
         cmocka_unit_test_setup(two_sources_are_told_once_and_their_end_once, setup),
         cmocka_unit_test_setup(a_rate_is_asked_of_the_autopilot, setup),
