@@ -1594,6 +1594,51 @@ def test_one_that_keeps_failing_is_a_fault_and_started_less_often(appliance):
     assert "keeps ending (exit code 1)" in appliance.fault("test")
 
 
+@pytest.fixture
+def watched(appliance):
+    """A clock of the test's own, and each of those who look after 15 s does when it is told; known by when they began."""
+    appliance.change("lib/odid/finish", ("/proc/uptime", "/uptime"), ("exec sleep", "exec true"),
+                     ("sleep 15", 'trap ": >/looked-$now" EXIT; until [ -e /over ] || [ -e "/later-$now" ]; do usleep 10000; done'))
+    appliance.must("mkdir -p /run/service/test")
+    yield appliance
+    appliance.write("over", "")
+
+
+def ended_at(appliance, code, *times):
+    for uptime in times:
+        appliance.write("uptime", f"{uptime} 0\n")
+        appliance.must(f"cd /run/service/test && /lib/odid/finish {code} 0")
+    return appliance.fault("test")
+
+
+def after_15_s(appliance, began):
+    appliance.write(f"later-{began}", "")
+    wait_for("a look at the service", lambda: appliance.exists(f"looked-{began}"))
+    return appliance.fault("test")
+
+
+def test_one_that_runs_again_is_no_fault_any_more(watched):
+    assert ended_at(watched, 1, "10.0", "11.0", "12.0", "13.0", "15.0")
+    assert after_15_s(watched, 13), "it had failed once more since"
+    assert not after_15_s(watched, 15)
+
+
+def test_nor_is_one_that_ended_in_good_order_since(watched):
+    assert ended_at(watched, 1, "10.0", "11.0", "12.0", "13.0")
+    assert ended_at(watched, 0, "20.0"), "it has not run for 15 s yet"
+    assert not after_15_s(watched, 13)
+
+
+@pytest.mark.parametrize("orderly", [[], ["20.0"]])
+def test_nor_is_one_whose_failures_are_counted_from_one_again(watched, orderly):
+    """The next one at the very end of the 15 s, or after an orderly end."""
+    assert ended_at(watched, 1, "7.9", "8.9", "9.9", "10.9")
+    assert ended_at(watched, 0, *orderly) and ended_at(watched, 1, "25.0")
+    assert watched.read("run/service/test/failures") == "1 25\n"
+    assert after_15_s(watched, 10), "it had failed once more since"
+    assert not after_15_s(watched, 25)
+
+
 @pytest.mark.parametrize("stays_there", [False, True])
 def test_without_its_port_mavlink_router_is_not_tried_again(appliance, stays_there):
     """Its node is taken away a moment after mavlink-router has noticed."""
