@@ -15,16 +15,24 @@
 #define COUNTER_SIZE 6
 #define COUNTERS (MESSAGE_TYPES + 2)
 #define TEXT_SIZE 256
+/* Beyond what MAVLink can say; the text has room for it. */
+#define ALTITUDE_MAX_M 1e7
 
 static const char *const armed_words[] = {
     [KEPT_UNHEARD] = "unheard", [KEPT_DISARMED] = "no", [KEPT_ARMED] = "yes"};
+
+static bool is_altitude(double altitude_m)
+{
+    return isnan(altitude_m) || fabs(altitude_m) < ALTITUDE_MAX_M;
+}
 
 static void parse_takeoff(const char *text, struct aircraft_takeoff *takeoff)
 {
     takeoff->known =
         sscanf(text, "takeoff %lf %lf %lf %lf", &takeoff->latitude_deg, &takeoff->longitude_deg,
                &takeoff->altitude_msl_m, &takeoff->altitude_geodetic_m) == 4 &&
-        fabs(takeoff->latitude_deg) <= 90 && fabs(takeoff->longitude_deg) <= 180;
+        fabs(takeoff->latitude_deg) <= 90 && fabs(takeoff->longitude_deg) <= 180 &&
+        is_altitude(takeoff->altitude_msl_m) && is_altitude(takeoff->altitude_geodetic_m);
 }
 
 static void parse_armed(const char *word, struct kept *kept)

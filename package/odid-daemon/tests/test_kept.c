@@ -189,6 +189,8 @@ static void nonsense_is_unknown(void **state)
                                          "takeoff 91 0 0 0",
                                          "takeoff 0 181 0 0",
                                          "takeoff nan 0 0 0",
+                                         "takeoff 1 1 1e300 0", /* its text had no room */
+                                         "takeoff 1 1 0 -1e300",
                                          "1 2 3 4"};
     struct kept out;
     char text[80];
