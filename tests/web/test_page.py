@@ -424,7 +424,7 @@ def test_an_upload_can_be_cancelled(browse, appliance, updater):
     updater.goes_on.set()
     assert updater.over.wait(LIMIT_S) and len(updater.bundles[0]) < 12_000_000
     browser.choose(bundle(appliance, 1000))
-    assert browser.button("Install").is_enabled()
+    wait_for("another one can be installed", lambda: browser.button("Install").is_enabled())
 
 
 @pytest.mark.parametrize("size, word", [(0, "empty"), (64 * 1024 * 1024 + 1, "far too large")])

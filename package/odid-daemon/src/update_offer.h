@@ -15,7 +15,7 @@ struct update_versions {
     const char *offered, *running;
     const char *rolled_back; /* the version that was; "": none */
     bool unattended;
-    bool from_server; /* whom the outcome is told, which may offer it again */
+    bool from_server;       /* whom the outcome is told, which may offer it again */
     bool prevent_downgrade; /* [update] prevent_downgrade */
     bool unreadable;        /* the configuration is, or was lost: whether that is set isn't known */
 };
