@@ -55,7 +55,15 @@ echo "set-up: SWUpdate $version into build/swupdate"
 rm -rf "$out"
 mkdir -p "$out"
 cd "$out"
-if ! (build) >log 2>&1; then
+# In a condition -e would hold for nothing of it, and a patch that doesn't apply be passed over.
+set +e
+(
+    set -e
+    build
+) >log 2>&1
+status=$?
+set -e
+if [ $status != 0 ]; then
     tail -n 20 log >&2
     echo "set-up: SWUpdate could not be built; build/swupdate/log" >&2
     exit 1
