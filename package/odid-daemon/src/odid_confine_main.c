@@ -5,27 +5,16 @@
  */
 #include <errno.h>
 #include <seccomp.h>
-#include <stdbool.h>
-#include <stddef.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
-#define FAMILIES_MAX 64 /* more than Linux has */
+#include "socket_families.h"
+
 #define NOT_STARTED 127 /* as a shell says it */
 
 static const int families[] = {AF_UNIX, AF_INET, AF_INET6, AF_NETLINK};
-
-static bool is_allowed(int family)
-{
-    for (size_t i = 0; i < sizeof(families) / sizeof(families[0]); i++) {
-        if (families[i] == family) {
-            return true;
-        }
-    }
-    return false;
-}
 
 /* With an error: a library that only tries goes on without. What makes sockets by another way isn't
  * to be had either. */
@@ -34,17 +23,9 @@ static int add_refusals(scmp_filter_ctx filter)
     const uint32_t refuse = SCMP_ACT_ERRNO(EPERM);
     int result = seccomp_rule_add(filter, refuse, SCMP_SYS(io_uring_setup), 0);
 
-    if (result == 0) { /* the kernel looks at 32 of these 64 bits only */
-        result = seccomp_rule_add(filter, refuse, SCMP_SYS(socket), 1,
-                                  SCMP_A0(SCMP_CMP_GE, (scmp_datum_t)FAMILIES_MAX));
-    }
-    for (int family = 0; result == 0 && family < FAMILIES_MAX; family++) {
-        if (!is_allowed(family)) {
-            result = seccomp_rule_add(filter, refuse, SCMP_SYS(socket), 1,
-                                      SCMP_A0(SCMP_CMP_EQ, (scmp_datum_t)family));
-        }
-    }
-    return result;
+    return result < 0 ? result
+                      : socket_families_refuse(filter, refuse, families,
+                                               sizeof(families) / sizeof(families[0]));
 }
 
 /* Sets no_new_privs as well. */

@@ -16,6 +16,7 @@
 #include <unistd.h>
 
 #include "log.h"
+#include "socket_families.h"
 
 #define PRIORITY 20
 /* CPU time without a pause after which the kernel ends us (SIGXCPU): a loop that spins at
@@ -115,7 +116,6 @@ static const int allowed[] = {
 };
 
 static const int socket_families[] = {AF_UNIX, AF_INET, AF_BLUETOOTH};
-#define FAMILIES_MAX 64 /* more than Linux has */
 
 /*
  * What nothing here ever needs, whatever a later library does: refused even
@@ -227,16 +227,6 @@ static const int never[] = {
     SCMP_SYS(setdomainname),
 };
 
-static bool is_ours(int family)
-{
-    for (size_t i = 0; i < sizeof(socket_families) / sizeof(socket_families[0]); i++) {
-        if (socket_families[i] == family) {
-            return true;
-        }
-    }
-    return false;
-}
-
 #define SOCKET_TYPE_MASK 0xf
 
 /* Of the internet's family datagrams only: raw ones, with CAP_NET_RAW, would read along what comes
@@ -250,18 +240,12 @@ static int add_internet(scmp_filter_ctx filter, uint32_t action, int type)
 /* Netlink (with CAP_NET_ADMIN: the firewall) and packets among them. */
 static int refuse_other_sockets(scmp_filter_ctx filter, uint32_t refuse)
 {
-    int result = seccomp_rule_add(filter, refuse, SCMP_SYS(socket), 1,
-                                  SCMP_A0(SCMP_CMP_GE, (scmp_datum_t)FAMILIES_MAX));
+    int result = socket_families_refuse(filter, refuse, socket_families,
+                                        sizeof(socket_families) / sizeof(socket_families[0]));
 
     for (int type = 0; result == 0 && type <= SOCKET_TYPE_MASK; type++) {
         if (type != SOCK_DGRAM) {
             result = add_internet(filter, refuse, type);
-        }
-    }
-    for (int family = 0; result == 0 && family < FAMILIES_MAX; family++) {
-        if (!is_ours(family)) {
-            result = seccomp_rule_add(filter, refuse, SCMP_SYS(socket), 1,
-                                      SCMP_A0(SCMP_CMP_EQ, (scmp_datum_t)family));
         }
     }
     return result;
