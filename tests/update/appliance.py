@@ -48,7 +48,12 @@ class Appliance:
         if self.machine.shell:
             self.machine.shell.close()
             self.machine.shell = None
-        wait_for("a restart", lambda: self.starts() > before)
+        try:
+            wait_for("a restart", lambda: self.starts() > before)
+        except TimeoutError as error:
+            self.machine.wait_shell()  # what comes after has a machine still
+            log = self.machine.run("logread | tail -n 40").output
+            raise TimeoutError(f"{error}; its log ends:\n{log}") from None
         began = time.monotonic()
         self.machine.wait_shell()
         return began

@@ -145,16 +145,18 @@ static void take_progress(const struct progress_msg *message, int64_t now_us)
     }
 }
 
-/* One, in one piece: SWUpdate sends them so. */
-static bool read_progress(int flags, int64_t now_us)
+/* One, in one piece: SWUpdate sends them so. 0, or -EAGAIN: there is none, although epoll may have
+ * announced one, as the notice of an end reads them too; another negative errno: it is gone. */
+static int read_progress(int64_t now_us)
 {
     static struct progress_msg message;
+    ssize_t length = recv(self.progress.fd, &message, sizeof(message), MSG_DONTWAIT);
 
-    if (recv(self.progress.fd, &message, sizeof(message), flags) != (ssize_t)sizeof(message)) {
-        return false;
+    if (length != (ssize_t)sizeof(message)) {
+        return length < 0 ? -errno : -ECONNRESET;
     }
     take_progress(&message, now_us);
-    return true;
+    return 0;
 }
 
 static void end(int64_t now_us)
@@ -191,7 +193,7 @@ static void take_notice(const ipc_message *message, int64_t now_us)
         break;
     case IDLE:
         /* By the other socket it has said before whose it was. */
-        while (self.running && read_progress(MSG_DONTWAIT, now_us)) {
+        while (self.running && read_progress(now_us) == 0) {
         }
         if (self.running) {
             end(now_us);
@@ -244,7 +246,9 @@ static void on_progress(void *context, uint32_t events, int64_t now_us)
 {
     (void)context;
     (void)events;
-    if (!read_progress(0, now_us)) {
+    int result = read_progress(now_us);
+
+    if (result < 0 && result != -EAGAIN) {
         lose(now_us);
     }
 }

@@ -28,7 +28,7 @@ static char folder[] = "/tmp/odid-installer-XXXXXX";
 
 struct swupdate {
     pid_t pid;
-    int orders; /* an octet: the listener is sent away; its end: SWUpdate ends */
+    int orders; /* an octet: it goes on; its end: SWUpdate ends. From it: an octet for each word */
 };
 
 static int listen_at(const char *path)
@@ -70,13 +70,29 @@ static void say_progress(int fd, char letter)
     }
 }
 
+static void await_order(int orders)
+{
+    char order;
+
+    if (read(orders, &order, 1) != 1) {
+        _exit(0);
+    }
+}
+
+static void tell_that_all_is_said(int orders)
+{
+    if (write(orders, "x", 1) != 1) {
+        _exit(1);
+    }
+}
+
 /* history: a letter for each message: Start, Failure, Good, Idle, Error of the socket's, (server's,
- * local one's) progress; a word for each time that somebody begins to listen. */
+ * local one's) progress; a word for each time that somebody begins to listen, who is sent away at
+ * its end, and dots in it where an order is awaited. */
 static void serve(const char *history, int orders, int progress)
 {
     int control = listen_at(get_ctrl_socket());
     ipc_message message;
-    char order;
 
     for (;;) {
         int fd = accept(control, NULL, NULL), listener = accept(progress, NULL, NULL);
@@ -89,16 +105,17 @@ static void serve(const char *history, int orders, int progress)
             _exit(1);
         }
         for (; *history != '\0' && *history != ' '; history++) {
-            if (*history == 's' || *history == 'l') {
+            if (*history == '.') {
+                await_order(orders);
+            } else if (*history == 's' || *history == 'l') {
                 say_progress(listener, *history);
             } else {
                 say(fd, *history);
             }
         }
         history += *history == ' ';
-        if (read(orders, &order, 1) != 1) {
-            _exit(0);
-        }
+        tell_that_all_is_said(orders);
+        await_order(orders);
         close(fd);
         close(listener);
     }
@@ -109,7 +126,7 @@ static struct swupdate start(const char *history)
     struct swupdate one;
     int ends[2];
 
-    assert_int_equal(pipe2(ends, O_CLOEXEC), 0);
+    assert_int_equal(socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends), 0);
     one.orders = ends[1];
     one.pid = fork();
     if (one.pid == 0) {
@@ -242,6 +259,27 @@ static void whose_it_was_is_told_before_its_end(void **state)
     assert_int_equal(lost, 1);
 }
 
+/* Both sockets have something, the notices first; an end reads the other one too, which has nothing
+ * left when its own turn comes. */
+static void an_end_that_is_read_before_the_progress_said_after_it(void **state)
+{
+    struct swupdate one;
+    char said;
+
+    (void)state;
+    memset(&told, 0, sizeof(told));
+    assert_int_equal(loop_init(), 0);
+    update_installer_watch(&calls, true);
+    one = start("SG.Is");
+    expected.source = UPDATE_SOURCE_UNKNOWN;
+    expect_told(1, 0, "");
+    assert_int_equal(write(one.orders, "x", 1), 1);
+    assert_int_equal(read(one.orders, &said, 1), 1);
+    expected.source = UPDATE_SOURCE_SERVER;
+    expect_told(1, 1, "");
+    end(one);
+}
+
 /* ---- ending it ---- */
 
 /* As take_over writes it (overlay/lib/odid/functions), with field 22 of a process' stat. */
@@ -314,6 +352,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(history_is_news_unless_it_was_heard),
         cmocka_unit_test(whose_it_was_is_told_before_its_end),
+        cmocka_unit_test(an_end_that_is_read_before_the_progress_said_after_it),
         cmocka_unit_test(it_is_ended_by_its_number_and_its_start),
     };
 
