@@ -1,6 +1,5 @@
 """The release's SWUpdate (its version, configuration and patches; built for this machine) as a client of hawkBit's: what it
-tells a server. Nothing is installed here: what it
-fetches is no bundle, and refused. (The booted appliance installs:
+tells a server. Nothing is installed here: what it fetches is no bundle, and refused. (The booted appliance installs:
 test_hawkbit.py.)"""
 
 import os
@@ -14,7 +13,10 @@ from .server import GUEST_SEES
 
 SWUPDATE = bundles.parts.ROOT / "build/swupdate/swupdate"
 OFFERED = "1.1.0"
-TESTING = "2"  # SWUpdate's state, in U-Boot's variable ustate: a new system runs, and the server hasn't been told
+# SWUpdate's state, in U-Boot's variable ustate.
+INSTALLED = "1"  # a new system is written, and hasn't started yet
+TESTING = "2"  # it runs and is kept, and the server hasn't been told
+FAILED = "3"  # it failed its trial, and the server hasn't been told
 OCTETS = 16_000
 
 
@@ -29,10 +31,17 @@ def server(monkeypatch):
 
 @pytest.fixture
 def start(server, tmp_path):
-    """start(ustate): the client, as overlay/etc/sv/swupdate/run starts it."""
+    """start(ustate): the client, as overlay/etc/sv/swupdate/run starts it; in place of the one before."""
     started = []
 
+    def end():
+        for one in started:
+            one.terminate()
+            one.wait()
+        started.clear()
+
     def start(ustate=""):
+        end()
         variables = tmp_path / "variables"
         variables.write_text(f"upgrade_available=0\nustate={ustate}\n")
         subprocess.run(["mkenvimage", "-s", "0x4000", "-o", tmp_path / "environment", variables], check=True)
@@ -48,12 +57,11 @@ identify: ( {{ name = "version"; value = "1.0.0"; }} );
             started.append(subprocess.Popen(
                 [SWUPDATE, "-f", tmp_path / "swupdate.cfg", "-H", "odid:odid-qemu", "-M", "-u", ""],
                 env=os.environ | {"TMPDIR": str(tmp_path)}, stdout=log, stderr=log))
-        wait_for("a poll", lambda: server.polls)
+        polls = server.polls
+        wait_for("a poll", lambda: server.polls > polls)
 
     yield start
-    for one in started:
-        one.terminate()
-        one.wait()
+    end()
 
 
 @pytest.fixture
@@ -111,6 +119,38 @@ def test_one_that_is_called_off_once_it_runs_has_happened(server, start, no_bund
     wait_for("the report", lambda: server.outcome(31))
     assert [status["execution"] for status in server.cancelled] == ["rejected"]
     assert server.outcome(31) == "success" and not server.downloads and not server.violations
+
+
+def test_one_whose_trial_is_to_come_isn_t_fetched_again(server, start, no_bundle):
+    """After the client's restart it was, and a failure was told."""
+    server.offer(35, no_bundle, OFFERED)
+    start(INSTALLED)
+    more_polls(server)
+    assert not server.downloads and "closed" not in server.executions("35") and not server.violations
+
+
+def test_one_that_is_called_off_before_its_trial_is_answered_after_it(server, start, no_bundle):
+    """It was told to have been called off, and its trial went on."""
+    server.offer(32, no_bundle, OFFERED)
+    start(INSTALLED)
+    server.cancel()
+    more_polls(server)
+    assert not server.cancelled and "closed" not in server.executions("32")
+    start(TESTING)
+    wait_for("the report", lambda: server.outcome(32))
+    assert [status["execution"] for status in server.cancelled] == ["rejected"]
+    assert server.outcome(32) == "success" and not server.downloads and not server.violations
+
+
+def test_one_that_is_called_off_before_its_trial_and_fails_it_is_called_off(server, start, no_bundle):
+    server.offer(34, no_bundle, OFFERED)
+    server.cancel()
+    start(INSTALLED)
+    more_polls(server)
+    assert not server.cancelled and not server.feedback
+    start(FAILED)
+    wait_for("the answer", lambda: server.cancelled)
+    assert [status["execution"] for status in server.cancelled] == ["closed"] and not server.downloads and not server.violations
 
 
 def test_a_report_that_nobody_waits_for_closes_nothing_later(server, start, no_bundle):
