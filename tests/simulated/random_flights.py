@@ -82,7 +82,7 @@ def planned(mode, link, late, kept, autopilot, faults):
 
 
 def written(what):
-    return repr(tuple(what._replace(faults=[(fault.name, round(at_s, 2), round(seconds, 2)) for fault, at_s, seconds in what.faults])))
+    return repr(tuple(what._replace(faults=[(fault.name, round(at_s, 6), round(seconds, 6)) for fault, at_s, seconds in what.faults])))
 
 
 @functools.cache

@@ -28,6 +28,14 @@ EVER_FAILED = {
         "full", "udp", (0.3, 150000), False, ("ArduPilot with Open Drone ID", 7), [
             ("controller_slow", 44.18, 2.25), ("hostapd_refuses", 73.08, 20.09), ("foreign_disable", 86.54, 23.47),
             ("hostapd_refuses", 247.01, 6.99), ("controller_loses_an_event", 253.12, 0.56), ("gnss_lost", 333.53, 17.65)])),
+    "a position waited for its controller while newer ones came": (41410, ("bcm43455", "udp", (0.3, 150000), False, (
+        "ArduPilot and a ground station", 6), [
+        ("controller_unplugged", 14.116791, 0.049129), ("wifi_soft_blocked", 64.908023, 18.033061),
+        ("hostapd_refuses", 99.430452, 2.059839), ("hostapd_refuses", 125.446062, 21.418514),
+        ("forged_autopilot", 131.644, 1.934626), ("hostapd_mute", 205.556824, 23.654886),
+        ("bluetooth_switched_off", 210.999705, 20.627765), ("controller_hangs", 312.156276, 20.173644),
+        ("wifi_switched_off", 373.094501, 2.137821), ("forged_autopilot", 405.686016, 1.670302),
+        ("foreign_disable", 406.938813, 0.552199)])),
 }
 
 

@@ -259,8 +259,7 @@ enum bluetooth_fit bluetooth_legacy_fit(int64_t until_us, int64_t next_us, int64
         return BLUETOOTH_FITS_NOT;
     }
     /* While an answer is awaited, it isn't known when the one that was given began. */
-    return adapter->sets[BLUETOOTH_LEGACY].pending || adapter->awaited != 0 ? BLUETOOTH_FITS_LATER
-                                                                            : BLUETOOTH_FITS;
+    return adapter->awaited != 0 ? BLUETOOTH_FITS_LATER : BLUETOOTH_FITS;
 }
 
 void bluetooth_stop(void)

@@ -39,8 +39,9 @@ bool bluetooth_waits(enum channel channel);
 enum bluetooth_fit { BLUETOOTH_FITS, BLUETOOTH_FITS_LATER, BLUETOOTH_FITS_NOT };
 
 /* Would a legacy payload that is set now begin before until_us, after the one that is on the air
- * was sent, and leave the next one the time to be sent before next_us? Later: one waits, or an
- * answer is awaited, and only then it is known. Not: nor will it before until_us. */
+ * was sent, and leave the next one the time to be sent before next_us? Later: an answer is
+ * awaited, and only then it is known. Not: nor will it before until_us. To be asked when none waits
+ * (bluetooth_waits). */
 enum bluetooth_fit bluetooth_legacy_fit(int64_t until_us, int64_t next_us, int64_t now_us);
 
 /* Silence on all sets, synchronously as far as the transports take it: for the orderly end. */

@@ -152,18 +152,29 @@ static void renew_beacon(const struct aircraft_view *view, int64_t now_us)
     }
 }
 
-/* In a slot for positions that has room for one more. */
+static void set_newer(const struct aircraft_view *view, int64_t now_us)
+{
+    self.legacy_fix_us = view->location.fix_us;
+    set_legacy(view, MESSAGE_LOCATION, 0, now_us);
+    keep_counters();
+}
+
+/* In a slot for positions: in place of the one that waits for the controller, or where there is
+ * room for one more. */
 static void renew_legacy(const struct aircraft_view *view, int64_t now_us)
 {
     if (!self.location || view->location.fix_us <= self.legacy_fix_us) {
         return;
     }
+    if (bluetooth_waits(CHANNEL_BT4)) {
+        self.counters.legacy = self.before.legacy;
+        set_newer(view, now_us);
+        return;
+    }
     switch (bluetooth_legacy_fit(self.until_us, self.until_us + SCHEDULE_SLOT_US, now_us)) {
     case BLUETOOTH_FITS:
-        self.legacy_fix_us = view->location.fix_us;
         self.renewed = true;
-        set_legacy(view, MESSAGE_LOCATION, 0, now_us);
-        keep_counters();
+        set_newer(view, now_us);
         break;
     case BLUETOOTH_FITS_LATER:
         if (now_us + RETRY_US < self.until_us) {

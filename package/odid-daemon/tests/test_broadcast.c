@@ -25,7 +25,9 @@ static struct {
     int64_t fix_us;    /* of the position that is flown */
     int64_t newest_us; /* when that was first given to the controller; 0: not yet */
     int64_t hold_us;   /* so long the controller keeps each payload */
+    bool waits;        /* what was set last waits for the controller still */
     unsigned asked;    /* so often whether one fits */
+    uint8_t counter;   /* of the last payload */
 } radio;
 
 /* ---- instead of the real ones ---- */
@@ -62,6 +64,7 @@ void aircraft_view(const struct aircraft *aircraft, int64_t now_us, struct aircr
 void bluetooth_set_legacy(const uint8_t data[MESSAGES_LEGACY_SIZE], int64_t now_us)
 {
     radio.set_us = now_us;
+    radio.counter = data[MESSAGE_AT - 1];
     if (data[MESSAGE_AT] >> 4 == 1 && radio.newest_us == 0) {
         radio.newest_us = now_us;
     }
@@ -94,8 +97,7 @@ size_t bluetooth_extended_room(void)
 
 bool bluetooth_waits(enum channel channel)
 {
-    (void)channel;
-    return false;
+    return channel == CHANNEL_BT4 && radio.waits;
 }
 
 void wifi_beacon_set(const uint8_t *element, size_t length, int64_t now_us)
@@ -176,6 +178,22 @@ static void what_does_not_fit_is_not_asked_for_again(void **state)
     assert_int_equal(radio.asked, 1);
 }
 
+/* The one before it has to stay on the air for its time: no older position waits for that. */
+static void in_place_of_the_one_that_waits(void **state)
+{
+    uint8_t counter;
+
+    (void)state;
+    radio.waits = true;
+    assert_int_equal(waited_us(0, 112 * MS), 0);
+    assert_int_equal(radio.asked, 0);
+    counter = radio.counter;
+    radio.fix_us += 10 * MS;
+    broadcast_position(radio.fix_us);
+    assert_int_equal(radio.counter, counter); /* neither was on the air */
+    radio.waits = false;
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -183,6 +201,7 @@ int main(void)
         cmocka_unit_test(as_soon_as_a_slow_controller_has_answered),
         cmocka_unit_test(in_the_next_slot_when_the_controller_answers_after_this_one),
         cmocka_unit_test(what_does_not_fit_is_not_asked_for_again),
+        cmocka_unit_test(in_place_of_the_one_that_waits),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
