@@ -93,13 +93,18 @@ static void set_beacon(const uint8_t *pack, size_t pack_size, int64_t now_us)
     wifi_beacon_set(data, size, now_us);
 }
 
-/* What waits for a controller that is late, or came late to it, was not on the air: its message has
- * its turn again, and its counter doesn't step for it. A position that came within its slot had its
- * turn. */
+/* What waits was not on the air: its counter doesn't step for it. */
+static void step_back_legacy(void)
+{
+    self.counters.legacy = self.before.legacy;
+}
+
+/* What waits for a controller that is late, or came late to it, has its turn again. A position that
+ * came within its slot had its turn. */
 static void take_back_what_waits(void)
 {
     if (bluetooth_waits(CHANNEL_BT4)) {
-        self.counters.legacy = self.before.legacy;
+        step_back_legacy();
         if (!self.renewed) {
             schedule_withdraw(&self.schedule);
         }
@@ -167,7 +172,7 @@ static void renew_legacy(const struct aircraft_view *view, int64_t now_us)
         return;
     }
     if (bluetooth_waits(CHANNEL_BT4)) {
-        self.counters.legacy = self.before.legacy;
+        step_back_legacy();
         set_newer(view, now_us);
         return;
     }
