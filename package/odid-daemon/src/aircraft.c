@@ -39,7 +39,7 @@ struct aircraft *aircraft_init(const struct config *config, int64_t start_us)
 
 /* ---- before a restart of ours ---- */
 
-const struct aircraft_takeoff *aircraft_takeoff(const struct aircraft *aircraft)
+const struct kept_takeoff *aircraft_takeoff(const struct aircraft *aircraft)
 {
     return &aircraft->takeoff;
 }
@@ -70,7 +70,7 @@ void aircraft_restore_fix(struct aircraft *aircraft, bool fix_known, int64_t now
                                                        .speed_accuracy_mps = NAN};
 }
 
-void aircraft_restore_takeoff(struct aircraft *aircraft, const struct aircraft_takeoff *takeoff)
+void aircraft_restore_takeoff(struct aircraft *aircraft, const struct kept_takeoff *takeoff)
 {
     aircraft->kept_takeoff = *takeoff;
     if (aircraft->armed) {

@@ -19,6 +19,7 @@
 #include <stdint.h>
 
 #include "config.h"
+#include "kept.h"
 #include "telemetry.h"
 
 /* A source that was silent for this long gives way to the next better one. */
@@ -33,13 +34,6 @@ enum aircraft_status {
     AIRCRAFT_AIRBORNE = 2,
     AIRCRAFT_EMERGENCY = 3,
     AIRCRAFT_REMOTE_ID_FAILURE = 4,
-};
-
-/* The place where it was armed. Kept over a restart of the daemon by main. */
-struct aircraft_takeoff {
-    bool known;
-    double latitude_deg, longitude_deg;
-    double altitude_msl_m, altitude_geodetic_m; /* each NAN when unknown */
 };
 
 struct aircraft_location {
@@ -144,7 +138,7 @@ void aircraft_condition(const struct aircraft *aircraft, int64_t now_us,
                         struct aircraft_condition *condition);
 
 /* The frozen take-off point, to be kept over a restart. */
-const struct aircraft_takeoff *aircraft_takeoff(const struct aircraft *aircraft);
+const struct kept_takeoff *aircraft_takeoff(const struct aircraft *aircraft);
 /* As it was before a restart: it ends by the autopilot's word only (arming.h). */
 void aircraft_restore_armed(struct aircraft *aircraft, bool armed);
 /* The autopilot had a fix just before: positions count until GPS_RAW_INT says otherwise, or for 3
@@ -153,7 +147,7 @@ void aircraft_restore_fix(struct aircraft *aircraft, bool fix_known, int64_t now
 void aircraft_restore_vertical(struct aircraft *aircraft, bool inverted);
 /* After that. It counts at once where it was armed, and when the first HEARTBEAT says armed: then
  * the arming edge was before our time. */
-void aircraft_restore_takeoff(struct aircraft *aircraft, const struct aircraft_takeoff *takeoff);
+void aircraft_restore_takeoff(struct aircraft *aircraft, const struct kept_takeoff *takeoff);
 
 /*
  * ASTM UA type (0-15) of a MAV_TYPE, or -1 for a component that is no vehicle.

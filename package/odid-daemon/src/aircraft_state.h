@@ -134,7 +134,7 @@ struct aircraft {
 
     bool takeoff_pending; /* armed, and may still become known */
     bool takeoff_is_home, takeoff_is_late;
-    struct aircraft_takeoff takeoff, kept_takeoff, home;
+    struct kept_takeoff takeoff, kept_takeoff, home;
 
     struct aircraft_waiting waiting_position, waiting_time;
     struct aircraft_fix telemetry;

@@ -72,7 +72,7 @@ void aircraft_take_home(struct aircraft *aircraft, const struct telemetry_update
         earth_is_near_zero(update->home.latitude_deg, update->home.longitude_deg)) {
         return;
     }
-    aircraft->home = (struct aircraft_takeoff){
+    aircraft->home = (struct kept_takeoff){
         .known = true,
         .latitude_deg = update->home.latitude_deg,
         .longitude_deg = update->home.longitude_deg,

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "bluetooth.h"
-#include "kept.h"
+#include "kept_counters.h"
 #include "log.h"
 #include "loop.h"
 #include "messages.h"

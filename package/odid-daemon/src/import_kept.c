@@ -6,10 +6,10 @@
 #include <string.h>
 
 #include "config_keys.h"
-#include "odidctl.h"
+#include "places.h"
 #include "whole_file.h"
 
-#define BESIDE_SIZE (ODIDCTL_PATH_SIZE + 16)
+#define BESIDE_SIZE (PLACES_PATH_SIZE + 16)
 #define LINE_SIZE 20
 #define FILE_MAX 65536 /* as for whoever reads it */
 

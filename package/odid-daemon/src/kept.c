@@ -11,9 +11,6 @@
 #include "config.h"
 
 #define PATH_SIZE (CONFIG_PATH_SIZE + 16)
-/* In the file: value, used, content_hash (little endian). */
-#define COUNTER_SIZE 6
-#define COUNTERS (MESSAGE_TYPES + 2)
 #define TEXT_SIZE 256
 /* Beyond what MAVLink can say; the text has room for it. */
 #define ALTITUDE_MAX_M 1e7
@@ -26,7 +23,7 @@ static bool is_altitude(double altitude_m)
     return isnan(altitude_m) || fabs(altitude_m) < ALTITUDE_MAX_M;
 }
 
-static void parse_takeoff(const char *text, struct aircraft_takeoff *takeoff)
+static void parse_takeoff(const char *text, struct kept_takeoff *takeoff)
 {
     takeoff->known =
         sscanf(text, "takeoff %lf %lf %lf %lf", &takeoff->latitude_deg, &takeoff->longitude_deg,
@@ -133,7 +130,7 @@ static size_t show_channels(const char *name, const bool channels[CHANNELS], cha
 
 static size_t show(const struct kept *kept, char text[TEXT_SIZE])
 {
-    const struct aircraft_takeoff *takeoff = &kept->takeoff;
+    const struct kept_takeoff *takeoff = &kept->takeoff;
     size_t length = (size_t)snprintf(
         text, TEXT_SIZE, "vehicle %u\narmed %s\narmed-once %s\nfix %s\nvertical-inverted %s\n",
         kept->vehicle, armed_words[kept->armed], yes_or_no(kept->armed_once),
@@ -192,58 +189,4 @@ int kept_write(const char *run_dir, const struct kept *kept)
         unlink(path);
     }
     return result;
-}
-
-/* ---- counters ---- */
-
-static struct messages_counter *counter(struct kept_counters *counters, unsigned number)
-{
-    return number < MESSAGE_TYPES    ? &counters->legacy.legacy[number]
-           : number == MESSAGE_TYPES ? &counters->extended
-                                     : &counters->beacon;
-}
-
-int kept_counters_open(const char *run_dir, struct kept_counters *counters)
-{
-    uint8_t octets[COUNTERS * COUNTER_SIZE];
-    char path[PATH_SIZE];
-    int fd;
-
-    memset(counters, 0, sizeof(*counters));
-    snprintf(path, sizeof(path), "%s/" KEPT_COUNTERS_FILE, run_dir);
-    fd = open(path, O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0644);
-    if (fd < 0) {
-        return -errno;
-    }
-    if (read(fd, octets, sizeof(octets)) == sizeof(octets)) {
-        for (unsigned i = 0; i < COUNTERS; i++) {
-            const uint8_t *in = octets + i * COUNTER_SIZE;
-            uint32_t hash =
-                in[2] | (uint32_t)in[3] << 8 | (uint32_t)in[4] << 16 | (uint32_t)in[5] << 24;
-
-            *counter(counters, i) =
-                (struct messages_counter){.value = in[0], .used = in[1] != 0, .content_hash = hash};
-        }
-    }
-    return fd;
-}
-
-int kept_counters_write(int fd, const struct kept_counters *counters)
-{
-    uint8_t octets[COUNTERS * COUNTER_SIZE], *out = octets;
-    struct kept_counters copy = *counters;
-
-    for (unsigned i = 0; i < COUNTERS; i++) {
-        const struct messages_counter *in = counter(&copy, i);
-
-        *out++ = in->value;
-        *out++ = in->used;
-        for (unsigned shift = 0; shift < 32; shift += 8) {
-            *out++ = (uint8_t)(in->content_hash >> shift);
-        }
-    }
-    if (lseek(fd, 0, SEEK_SET) < 0 || write(fd, octets, sizeof(octets)) != sizeof(octets)) {
-        return errno != 0 ? -errno : -EIO;
-    }
-    return 0;
 }

@@ -15,9 +15,6 @@
  * to know waits for that (inotify). Nobody else says whether it is armed. While
  * the daemon doesn't answer (status_ask) the file may be old: then "no" isn't
  * known to be true.
- *
- * <run_dir>/counters: the message counters, so that after a restart none goes
- * backward, nor stands still over new content.
  */
 #ifndef ODID_KEPT_H
 #define ODID_KEPT_H
@@ -25,12 +22,16 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "aircraft.h"
-#include "messages.h"
 #include "radio.h"
 
 #define KEPT_FILE "kept"
-#define KEPT_COUNTERS_FILE "counters"
+
+/* The place where it was armed. */
+struct kept_takeoff {
+    bool known;
+    double latitude_deg, longitude_deg;
+    double altitude_msl_m, altitude_geodetic_m; /* each NAN when unknown */
+};
 
 enum kept_armed { KEPT_UNHEARD, KEPT_DISARMED, KEPT_ARMED };
 
@@ -40,9 +41,9 @@ struct kept {
     bool armed_once;
     bool fix_known;
     bool vertical_inverted;
-    bool on_air[CHANNELS];           /* once, since power-on */
-    bool told_lost[CHANNELS];        /* and not yet that they are back */
-    struct aircraft_takeoff takeoff; /* known = false: on the ground, or it wasn't known */
+    bool on_air[CHANNELS];       /* once, since power-on */
+    bool told_lost[CHANNELS];    /* and not yet that they are back */
+    struct kept_takeoff takeoff; /* known = false: on the ground, or it wasn't known */
 };
 
 /*
@@ -55,21 +56,5 @@ int kept_read(const char *run_dir, struct kept *kept);
 /* Replaces it atomically; in place, where there is no room for another one. Returns 0, or -errno:
  * then there is none. */
 int kept_write(const char *run_dir, const struct kept *kept);
-
-/* All counters there are. */
-struct kept_counters {
-    struct messages_counters legacy;
-    struct messages_counter extended, beacon;
-};
-
-/*
- * Reads them, and opens their file to be written to; what is missing or makes
- * no sense begins at 0. Returns a descriptor, or -errno: then nothing is kept.
- */
-int kept_counters_open(const char *run_dir, struct kept_counters *counters);
-
-/* As they are now. Once a slot: not atomic for who reads at that moment, but the daemon that does
- * comes after this one. Returns 0, or -errno. */
-int kept_counters_write(int fd, const struct kept_counters *counters);
 
 #endif

@@ -183,9 +183,9 @@ static void write_kept(void)
  * the next one's. */
 static void keep(uint8_t vehicle, const struct aircraft_condition *condition)
 {
-    static const struct aircraft_takeoff none;
+    static const struct kept_takeoff none;
     bool armed = condition->armed;
-    const struct aircraft_takeoff *takeoff = armed ? aircraft_takeoff(self.aircraft) : &none;
+    const struct kept_takeoff *takeoff = armed ? aircraft_takeoff(self.aircraft) : &none;
     enum kept_armed word = armed ? KEPT_ARMED : KEPT_DISARMED;
 
     if (!self.kept_behind && vehicle == self.kept.vehicle && word == self.kept.armed &&

@@ -22,7 +22,7 @@
 #include "recorder_snapshot.h"
 #include "recorder_store.h"
 #include "status_ask.h"
-#include "update_files.h"
+#include "update_names.h"
 #include "utf8.h"
 #include "whole_file.h"
 

@@ -16,10 +16,12 @@
 #include <unistd.h>
 
 #include "appliance_marks.h"
+#include "armed.h"
+#include "faults.h"
 #include "kept.h"
 #include "log.h"
 #include "loop.h"
-#include "odidctl.h"
+#include "status_fetch.h"
 #include "update.h"
 #include "update_bundle.h"
 #include "update_environment.h"
@@ -127,7 +129,7 @@ static void keep_result(enum update_outcome outcome, const char *to, const char 
     log_info("update: %s", result.sentence);
     write_result(&result, decided);
     if (decided) {
-        odidctl_set_fault(FAULTS, "update", outcome == UPDATE_BACK ? result.sentence : NULL);
+        faults_set(FAULTS, "update", outcome == UPDATE_BACK ? result.sentence : NULL);
     }
 }
 
@@ -149,7 +151,7 @@ static void keep(enum update_outcome outcome, const char *to, const char *format
 static struct json_object *ask(struct update_board *board)
 {
     int error = 0;
-    struct json_object *status = odidctl_fetch(RUN_DIR, &error);
+    struct json_object *status = status_fetch(RUN_DIR, &error);
     struct json_object *known =
         json_object_object_get(json_object_object_get(status, "time"), "known");
     struct kept kept;
@@ -157,9 +159,8 @@ static struct json_object *ask(struct update_board *board)
 
     memset(board, 0, sizeof(*board));
     self.time_known = self.time_known || json_object_get_boolean(known);
-    board->armed =
-        odidctl_says_armed(status) ||
-        update_armed(&self.update, ran ? &kept : NULL, status != NULL, self.reason[0] != '\0');
+    board->armed = armed_says(status) || update_armed(&self.update, ran ? &kept : NULL,
+                                                      status != NULL, self.reason[0] != '\0');
     return status;
 }
 
@@ -731,7 +732,7 @@ static bool find_environment(void)
     }
     snprintf(sentence, sizeof(sentence),
              "Updates are not possible: %s. Write the image to the disk again.", problem);
-    odidctl_set_fault(FAULTS, "environment", result < 0 ? sentence : NULL);
+    faults_set(FAULTS, "environment", result < 0 ? sentence : NULL);
     if (repaired) {
         log_warning("U-Boot's environment was damaged, and is made anew");
     }

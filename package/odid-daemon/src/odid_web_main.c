@@ -20,8 +20,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "flights_show.h"
 #include "log.h"
-#include "odidctl_flights.h"
 #include "web_helper.h"
 #include "web_server.h"
 
@@ -43,20 +43,19 @@ static const char usage[] =
 #define RECEIVE_BUFFER 65536
 
 static struct {
-    struct odidctl_places places;
+    struct places places;
     struct web_server server;
     const char *listen, *user, *updater;
-} self = {
-    .places = {.run_dir = "/run/odid",
-               .data = "/data",
-               .faults = "/run/faults",
-               .state = "/run/odid-appliance",
-               .apply = "/lib/odid/apply-configuration"},
-    .server = {.files = "/usr/share/odid-web",
-               .sources = {.version = "/etc/odid/version", .flights = ODIDCTL_FLIGHTS_DIRECTORY}},
-    .listen = "0.0.0.0:80",
-    .user = "odid-web",
-    .updater = "/run/swupdate"};
+} self = {.places = {.run_dir = "/run/odid",
+                     .data = "/data",
+                     .faults = "/run/faults",
+                     .state = "/run/odid-appliance",
+                     .apply = "/lib/odid/apply-configuration"},
+          .server = {.files = "/usr/share/odid-web",
+                     .sources = {.version = "/etc/odid/version", .flights = FLIGHTS_DIRECTORY}},
+          .listen = "0.0.0.0:80",
+          .user = "odid-web",
+          .updater = "/run/swupdate"};
 
 /* ---- the socket ---- */
 

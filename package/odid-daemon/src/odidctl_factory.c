@@ -4,6 +4,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "armed.h"
 #include "odidctl.h"
 #include "whole_file.h"
 
@@ -14,22 +15,22 @@
 #define IN_MEMORY "data-in-memory"
 
 /* By init's order for it; what isn't an appliance is left alone. */
-static bool restart(const struct odidctl_places *places)
+static bool restart(const struct places *places)
 {
-    char path[ODIDCTL_PATH_SIZE];
+    char path[PLACES_PATH_SIZE];
 
     snprintf(path, sizeof(path), "%s/slot", places->state);
     return access(path, F_OK) == 0 && kill(1, SIGTERM) == 0;
 }
 
-int odidctl_factory_reset(const struct odidctl_places *places)
+int odidctl_factory_reset(const struct places *places)
 {
     static const char text[] = "asked for by odidctl\n";
-    char path[ODIDCTL_PATH_SIZE];
+    char path[PLACES_PATH_SIZE];
     const char *why;
     int result;
 
-    why = odidctl_not_disarmed(places);
+    why = armed_not_disarmed(places);
     if (why != NULL) {
         fprintf(stderr, "odidctl: %s: no factory reset.\n", why);
         return ODIDCTL_NOT_GOOD;

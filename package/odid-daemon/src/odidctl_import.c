@@ -14,18 +14,20 @@
 #include "authorized_keys.h"
 #include "config_edit.h"
 #include "config_ini.h"
+#include "faults.h"
 #include "import_kept.h"
 #include "import_volume.h"
 #include "log.h"
 #include "odidctl.h"
 #include "odidctl_report.h"
+#include "password.h"
 #include "utf8.h"
 #include "whole_file.h"
 
 #define FILE_MAX 65536
 
 struct import {
-    const struct odidctl_places *places;
+    const struct places *places;
     const char *directory;
     struct odidctl_report *report;
     const char *name; /* of the file that is being read */
@@ -111,7 +113,7 @@ static void say_unwritten(struct import *self, const char *name, int error)
 /* The file that is named, allocated; NULL: it can't be read, which was said. */
 static char *read_named(struct import *self, size_t *length)
 {
-    char path[IMPORT_NAME_SIZE + ODIDCTL_PATH_SIZE], *text;
+    char path[IMPORT_NAME_SIZE + PLACES_PATH_SIZE], *text;
 
     snprintf(path, sizeof(path), "%s/%s", self->directory, self->name);
     text = whole_file_read(path, FILE_MAX, length);
@@ -132,12 +134,12 @@ static void say_nothing(void *context, enum config_severity severity, const char
 }
 
 /* What is in force now: the defaults when there is nothing that can be read. */
-static void read_in_force(const struct odidctl_places *places, struct config *config)
+static void read_in_force(const struct places *places, struct config *config)
 {
-    char path[ODIDCTL_PATH_SIZE];
+    char path[PLACES_PATH_SIZE];
 
     config_defaults(config);
-    odidctl_config_path(places, path);
+    places_config(places, path);
     config_read_file(config, path, say_nothing, NULL);
 }
 
@@ -162,7 +164,7 @@ static void take_password(struct import *self, const char *path, const char *old
                           const char *blanked, size_t length, const char *password)
 {
     /* Set to nothing in a later line: only the earlier one is to be blanked. */
-    int result = password[0] == '\0' ? 0 : odidctl_keep_password(self->places->data, password);
+    int result = password[0] == '\0' ? 0 : password_keep(self->places->data, password);
 
     if (result < 0) {
         refuse(self, "%s: [maintenance] password was not taken over: %s", self->name,
@@ -170,7 +172,7 @@ static void take_password(struct import *self, const char *path, const char *old
         return;
     }
     log_info("the maintenance password was taken over");
-    result = odidctl_blank_password(path, old, blanked, length);
+    result = password_blank(path, old, blanked, length);
     if (result < 0) {
         say_unwritten(self, self->name, -result);
         odidctl_report_line(self->report,
@@ -181,12 +183,12 @@ static void take_password(struct import *self, const char *path, const char *old
 /* blanked: a right configuration, without its password. Returns whether it is in force. */
 static bool take_config(struct import *self, const char *blanked, size_t length)
 {
-    char path[ODIDCTL_PATH_SIZE];
+    char path[PLACES_PATH_SIZE];
     size_t kept_length = 0;
     char *kept = config_edit_without_secrets(blanked, length, &kept_length);
     int result = kept == NULL ? -ENOMEM : 0;
 
-    odidctl_config_path(self->places, path);
+    places_config(self->places, path);
     if (kept != NULL && !import_kept(path, kept, kept_length)) {
         result = import_keep(path, kept, kept_length, 0644);
         if (result == 0) {
@@ -253,7 +255,7 @@ static bool import_text(struct import *self, const char *path, char *text, size_
 
 static void import_conf(struct import *self, const char *name)
 {
-    char path[IMPORT_NAME_SIZE + ODIDCTL_PATH_SIZE];
+    char path[IMPORT_NAME_SIZE + PLACES_PATH_SIZE];
     size_t length = 0;
     char *text;
     bool in_force = false;
@@ -276,7 +278,7 @@ static void import_conf(struct import *self, const char *name)
 /* Of a file that isn't taken over, and won't be: its password doesn't stay in it either. */
 static void blank_unused(struct import *self, const char *name)
 {
-    char path[IMPORT_NAME_SIZE + ODIDCTL_PATH_SIZE], password[CONFIG_PASSWORD_MAX + 1];
+    char path[IMPORT_NAME_SIZE + PLACES_PATH_SIZE], password[CONFIG_PASSWORD_MAX + 1];
     char *text, *blanked;
     size_t length = 0;
 
@@ -287,7 +289,7 @@ static void blank_unused(struct import *self, const char *name)
     text = whole_file_read(path, FILE_MAX, &length);
     blanked = text == NULL ? NULL : strdup(text); /* a power cut's zeros may follow */
     if (blanked != NULL && config_edit_take_password(blanked, strlen(text), password) > 0) {
-        int result = odidctl_blank_password(path, text, blanked, strlen(text));
+        int result = password_blank(path, text, blanked, strlen(text));
 
         if (result < 0) {
             say_unwritten(self, name, -result);
@@ -352,7 +354,7 @@ static void import_config(struct import *self, const struct import_volume *volum
 
 static void keep_keys(struct import *self, const char *text, size_t length)
 {
-    char path[ODIDCTL_PATH_SIZE];
+    char path[PLACES_PATH_SIZE];
     int result = 0;
 
     snprintf(path, sizeof(path), "%s/ssh", self->places->data);
@@ -434,22 +436,22 @@ static void import_keys(struct import *self, const struct import_volume *volume)
 static const char *look_after_password(struct import *self)
 {
     bool made = false;
-    int result = odidctl_show_made_password(self->places->data, self->directory, &made);
+    int result = password_show_made(self->places->data, self->directory, &made);
 
     if (result < 0 && made) {
-        say_unwritten(self, ODIDCTL_PASSWORD_NAME, -result);
+        say_unwritten(self, PASSWORD_NAME, -result);
     } else if (result < 0) {
         log_error("no maintenance password can be made and kept: %s", strerror(-result));
     }
     if (made) {
-        return "made by this board, see " ODIDCTL_PASSWORD_NAME;
+        return "made by this board, see " PASSWORD_NAME;
     }
-    return odidctl_password_known(self->places->data) ? "set" : "not set";
+    return password_known(self->places->data) ? "set" : "not set";
 }
 
 static void finish(struct import *self)
 {
-    char path[ODIDCTL_PATH_SIZE + 20], sentence[700];
+    char path[PLACES_PATH_SIZE + 20], sentence[700];
     struct config config;
     int result;
 
@@ -468,15 +470,14 @@ static void finish(struct import *self)
     } else {
         snprintf(sentence, sizeof(sentence), "%s", self->fault);
     }
-    odidctl_set_fault(self->places->faults, "config",
-                      self->refused || self->unwritten ? sentence : NULL);
+    faults_set(self->places->faults, "config", self->refused || self->unwritten ? sentence : NULL);
 }
 
-int odidctl_import(const struct odidctl_places *places, const char *directory)
+int odidctl_import(const struct places *places, const char *directory)
 {
     struct import self = {.places = places, .directory = directory};
     struct import_volume volume = {0};
-    char path[ODIDCTL_PATH_SIZE];
+    char path[PLACES_PATH_SIZE];
     int result = import_volume_look(directory, &volume), lock;
 
     if (result < 0) {

@@ -8,8 +8,9 @@
 #include <sys/stat.h>
 
 #include "config.h"
+#include "flights_show.h"
 #include "odidctl.h"
-#include "odidctl_flights.h"
+#include "settings.h"
 
 static const char usage[] =
     "odidctl asks the Remote ID daemon how it is, and looks after its configuration.\n"
@@ -38,7 +39,7 @@ static const char usage[] =
     "-faults DIR, -state DIR, -apply PROGRAM. See odidctl(1) and odid.conf(5).\n";
 
 static struct {
-    struct odidctl_places places;
+    struct places places;
     const char *flights_dir;
     bool json;
 } self = {.places = {.run_dir = "/run/odid",
@@ -46,7 +47,7 @@ static struct {
                      .faults = "/run/faults",
                      .state = "/run/odid-appliance",
                      .apply = "/lib/odid/apply-configuration"},
-          .flights_dir = ODIDCTL_FLIGHTS_DIRECTORY};
+          .flights_dir = FLIGHTS_DIRECTORY};
 
 /* ---- check ---- */
 
@@ -89,7 +90,7 @@ static int run_watch(char *const words[])
 
 static int run_flights(char *const words[])
 {
-    return odidctl_flights(stdout, self.flights_dir, words[1], odidctl_flights_boot(), self.json);
+    return flights_show(stdout, self.flights_dir, words[1], flights_boot(), self.json);
 }
 
 static int run_check(char *const words[])
@@ -102,12 +103,12 @@ static int run_check(char *const words[])
 
 static int run_get(char *const words[])
 {
-    return odidctl_get(&self.places, words + 1);
+    return settings_get(&self.places, words + 1);
 }
 
 static int run_set(char *const words[])
 {
-    return odidctl_set(&self.places, words[1], words[2]);
+    return settings_set(&self.places, words[1], words[2]);
 }
 
 static int run_import(char *const words[])

@@ -5,12 +5,14 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "armed.h"
 #include "odidctl.h"
+#include "password.h"
 
 /* The service "maintenance" looks for the file every other second. */
-int odidctl_maintenance(const struct odidctl_places *places, const char *word)
+int odidctl_maintenance(const struct places *places, const char *word)
 {
-    char path[ODIDCTL_PATH_SIZE];
+    char path[PLACES_PATH_SIZE];
     bool on = strcmp(word, "on") == 0;
     const char *why;
     int fd;
@@ -25,7 +27,7 @@ int odidctl_maintenance(const struct odidctl_places *places, const char *word)
             "Maintenance ends, unless [maintenance] at_boot keeps it until the aircraft is armed.");
         return ODIDCTL_GOOD;
     }
-    why = odidctl_not_disarmed(places);
+    why = armed_not_disarmed(places);
     if (why != NULL) {
         fprintf(stderr, "odidctl: %s: no maintenance.\n", why);
         return ODIDCTL_NOT_GOOD;
@@ -37,7 +39,7 @@ int odidctl_maintenance(const struct odidctl_places *places, const char *word)
     }
     close(fd);
     puts("Maintenance begins within seconds, and ends when the aircraft is armed.");
-    if (!odidctl_password_known(places->data)) {
+    if (!password_known(places->data)) {
         fputs(
             "odidctl: no [maintenance] password was ever set: nobody can join the access point.\n",
             stderr);

@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "config_keys.h"
-#include "odidctl.h"
+#include "status_fetch.h"
 #include "whole_file.h"
 
 #define DATE "Written: "
@@ -106,7 +106,7 @@ void odidctl_report_in_force(struct odidctl_report *report, const struct config 
 static void add_date(struct odidctl_report *report, const char *run_dir)
 {
     int error = 0;
-    struct json_object *status = odidctl_fetch(run_dir, &error);
+    struct json_object *status = status_fetch(run_dir, &error);
     struct json_object *time = json_object_object_get(status, "time");
     struct json_object *utc = json_object_object_get(time, "utc");
 

@@ -1,20 +1,16 @@
 /* odidctl status and watch: how the daemon and the appliance are. */
 #include <errno.h>
-#include <json-c/json_tokener.h>
 #include <stdio.h>
 #include <string.h>
 #include <time.h>
 #include <unistd.h>
 
-#include "kept.h"
+#include "armed.h"
+#include "faults.h"
 #include "odidctl.h"
-#include "odidctl_json.h"
 #include "odidctl_table.h"
-#include "status.h"
 #include "status_ask.h"
-
-#define TRIES 20 /* two seconds */
-#define PATIENCE_MS 3000
+#include "status_fetch.h"
 
 /* ---- asking the daemon ---- */
 
@@ -49,108 +45,24 @@ static int say_no_answer(const char *run_dir, int error)
     return ODIDCTL_NO_ANSWER;
 }
 
-struct json_object *odidctl_fetch(const char *run_dir, int *error)
+int odidctl_tell_armed(const struct places *places)
 {
-    static char answer[STATUS_ANSWER_MAX];
-    ssize_t length = status_ask(run_dir, PATIENCE_MS, answer);
-    struct json_tokener *tokener;
-    struct json_object *status = NULL;
-
-    if (length < 0) {
-        *error = (int)-length;
-        return NULL;
-    }
-    tokener = json_tokener_new();
-    if (tokener != NULL) {
-        status = json_tokener_parse_ex(tokener, answer, (int)length);
-        json_tokener_free(tokener);
-    }
-    if (!json_object_is_type(status, json_type_object)) {
-        json_object_put(status);
-        *error = EBADMSG;
-        return NULL;
-    }
-    odidctl_json_clean(status);
-    return status;
-}
-
-static const char armed_text[] = "The aircraft is armed";
-static const char unknown_text[] =
-    "Whether the aircraft is armed isn't known, for the daemon doesn't answer";
-
-bool odidctl_says_armed(struct json_object *status)
-{
-    struct json_object *aircraft = json_object_object_get(status, "aircraft");
-
-    return json_object_get_boolean(json_object_object_get(aircraft, "armed"));
-}
-
-/* It may be about to start again. *armed: what it says itself, too. */
-static bool answers(const char *run_dir, bool *armed)
-{
-    const struct timespec pause = {.tv_nsec = 100000000};
-    struct json_object *status;
-    int error = 0;
-
-    for (int tries = 0; tries < TRIES; tries++) {
-        status = odidctl_fetch(run_dir, &error);
-        if (status != NULL) {
-            *armed = odidctl_says_armed(status);
-            json_object_put(status);
-            return true;
-        }
-        if (error != ENOENT && error != ECONNREFUSED) {
-            return false;
-        }
-        nanosleep(&pause, NULL);
-    }
-    return false;
-}
-
-/* Read again after the answer: a daemon that starts late may have something else to say. */
-static const char *not_disarmed(const char *run_dir, struct kept *kept)
-{
-    bool armed = false;
-
-    if (kept_read(run_dir, kept) == 0 && kept->armed == KEPT_ARMED) {
-        return armed_text;
-    }
-    if (!answers(run_dir, &armed)) {
-        return unknown_text;
-    }
-    if (kept_read(run_dir, kept) < 0) {
-        return armed ? armed_text : unknown_text;
-    }
-    return armed || kept->armed == KEPT_ARMED ? armed_text : NULL;
-}
-
-const char *odidctl_not_disarmed(const struct odidctl_places *places)
-{
+    static const char *const words[] = {
+        [ARMED_NO] = "disarmed", [ARMED_YES] = "armed", [ARMED_UNKNOWN] = "unknown"};
     struct kept kept;
+    enum armed armed = armed_look(places->run_dir, &kept);
 
-    return not_disarmed(places->run_dir, &kept);
-}
-
-int odidctl_tell_armed(const struct odidctl_places *places)
-{
-    struct kept kept;
-    const char *why = not_disarmed(places->run_dir, &kept);
-
-    printf("%s %s %u\n",
-           why == NULL         ? "disarmed"
-           : why == armed_text ? "armed"
-                               : "unknown",
-           kept.armed_once ? "once" : "never", kept.vehicle);
-    return why == NULL ? ODIDCTL_NOT_GOOD : ODIDCTL_GOOD;
+    printf("%s %s %u\n", words[armed], kept.armed_once ? "once" : "never", kept.vehicle);
+    return armed == ARMED_NO ? ODIDCTL_NOT_GOOD : ODIDCTL_GOOD;
 }
 
 /* ---- showing ---- */
 
-int odidctl_status(const struct odidctl_places *places, bool json)
+int odidctl_status(const struct places *places, bool json)
 {
     int error = 0;
-    struct json_object *faults = odidctl_faults(places->faults);
-    struct json_object *status = odidctl_fetch(places->run_dir, &error);
+    struct json_object *faults = faults_list(places->faults);
+    struct json_object *status = status_fetch(places->run_dir, &error);
     bool on_air;
 
     if (status == NULL) {
@@ -173,7 +85,7 @@ int odidctl_status(const struct odidctl_places *places, bool json)
 }
 
 /* Ends by Ctrl-C, or when nobody reads any more. */
-int odidctl_watch(const struct odidctl_places *places)
+int odidctl_watch(const struct places *places)
 {
     const struct timespec second = {.tv_sec = 1};
     bool terminal = isatty(STDOUT_FILENO);

@@ -1,4 +1,5 @@
 #include "odidctl_table.h"
+#include "duration.h"
 
 #include <math.h>
 #include <string.h>
@@ -66,23 +67,6 @@ static const char *paint(bool colour, const char *code)
 #define BOLD "\033[1m"
 #define PLAIN "\033[0m"
 
-void odidctl_duration(char *out, size_t size, double seconds)
-{
-    if (isnan(seconds)) {
-        snprintf(out, size, UNKNOWN);
-    } else if (seconds < 10) {
-        snprintf(out, size, "%.1f s", seconds);
-    } else if (seconds < 120) {
-        snprintf(out, size, "%.0f s", seconds);
-    } else if (seconds < 7200) {
-        snprintf(out, size, "%.0f min", floor(seconds / 60));
-    } else if (seconds < 172800) {
-        snprintf(out, size, "%.0f h", floor(seconds / 3600));
-    } else {
-        snprintf(out, size, "%.0f days", floor(seconds / 86400));
-    }
-}
-
 /* " 12.0 m", or "unknown" */
 static void print_number(FILE *out, double value, int digits, const char *unit)
 {
@@ -126,7 +110,7 @@ static void print_verdict(FILE *out, struct json_object *status, bool colour)
     bool on_air = is_true(status, "on_air");
     char uptime[32];
 
-    odidctl_duration(uptime, sizeof(uptime), number(status, "uptime_s"));
+    duration_text(uptime, sizeof(uptime), number(status, "uptime_s"));
     fprintf(out, "%sREMOTE ID IS %s%s   (odid-daemon %s, running for %s)\n",
             paint(colour, on_air ? GREEN : RED),
             on_air               ? "ON THE AIR"
@@ -155,8 +139,8 @@ static void print_channel(FILE *out, struct json_object *channel, bool colour)
     char since[32], sent[32];
     double repairs = number(channel, "repairs"), replaced = number(channel, "replaced");
 
-    odidctl_duration(since, sizeof(since), number(channel, "since_s"));
-    odidctl_duration(sent, sizeof(sent), number(channel, "last_accepted_s"));
+    duration_text(since, sizeof(since), number(channel, "since_s"));
+    duration_text(sent, sizeof(sent), number(channel, "last_accepted_s"));
     fprintf(out, "  " LABEL "%s%-12s%s for %s", text_or(channel, "title", UNKNOWN),
             paint(colour, state_colour(channel)), text_or(channel, "state", UNKNOWN),
             paint(colour, PLAIN), since);
@@ -203,7 +187,7 @@ static void print_autopilot(FILE *out, struct json_object *status, bool colour)
     const char *detail = text_or(link, "detail", NULL);
     char since[32];
 
-    odidctl_duration(since, sizeof(since), number(link, "since_s"));
+    duration_text(since, sizeof(since), number(link, "since_s"));
     fprintf(out, "\n%sAutopilot%s\n", paint(colour, BOLD), paint(colour, PLAIN));
     fprintf(out, "  " LABEL "%s: %s for %s\n", "Link", text_or(link, "name", UNKNOWN),
             text_or(link, "state", UNKNOWN), since);
@@ -230,7 +214,7 @@ static void print_location(FILE *out, struct json_object *status, bool colour)
     struct json_object *position = find(status, "position"), *pilot = find(status, "operator");
     char age[32];
 
-    odidctl_duration(age, sizeof(age), number(position, "age_s"));
+    duration_text(age, sizeof(age), number(position, "age_s"));
     fprintf(out, "\n%sWhere%s\n  " LABEL "", paint(colour, BOLD), paint(colour, PLAIN), "Aircraft");
     print_place(out, position);
     if (find(position, "source") != NULL) {

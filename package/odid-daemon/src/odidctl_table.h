@@ -12,7 +12,4 @@ void odidctl_table(FILE *out, struct json_object *status, bool colour);
 /* Only "appliance_faults", odidctl's own addition to the status; nothing when there are none. */
 void odidctl_table_faults(FILE *out, struct json_object *faults, bool colour);
 
-/* "0.3 s", "45 s", "12 min", "5 h", "3 days"; NAN: "unknown". */
-void odidctl_duration(char *out, size_t size, double seconds);
-
 #endif

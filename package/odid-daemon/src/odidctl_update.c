@@ -15,10 +15,11 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "armed.h"
 #include "odidctl.h"
 #include "update_bundle.h"
-#include "update_files.h"
 #include "update_gate.h"
+#include "update_names.h"
 #include "update_offer.h"
 #include "update_places.h"
 #include "utf8.h"
@@ -38,7 +39,7 @@ extern char **environ;
 
 static struct json_object *read_json(const char *directory, const char *name)
 {
-    char path[ODIDCTL_PATH_SIZE], *text;
+    char path[PLACES_PATH_SIZE], *text;
     struct json_object *object;
     size_t length;
 
@@ -49,7 +50,7 @@ static struct json_object *read_json(const char *directory, const char *name)
     return object;
 }
 
-void odidctl_add_update(const struct odidctl_places *places, struct json_object *status)
+void odidctl_add_update(const struct places *places, struct json_object *status)
 {
     json_object_object_add(status, "update", read_json(places->state, UPDATE_STATE_FILE));
     json_object_object_add(status, "last_update", read_json(places->data, UPDATE_RESULT_FILE));
@@ -63,16 +64,16 @@ static const char *text_of(struct json_object *object, const char *name)
 }
 
 /* Which of the results it is: they are written as new files. */
-static ino_t result_number(const struct odidctl_places *places)
+static ino_t result_number(const struct places *places)
 {
-    char path[ODIDCTL_PATH_SIZE];
+    char path[PLACES_PATH_SIZE];
     struct stat file;
 
     snprintf(path, sizeof(path), "%s/" UPDATE_RESULT_FILE, places->data);
     return stat(path, &file) < 0 ? 0 : file.st_ino;
 }
 
-static int tell(const struct odidctl_places *places)
+static int tell(const struct places *places)
 {
     struct json_object *state = read_json(places->state, UPDATE_STATE_FILE);
     struct json_object *result = read_json(places->data, UPDATE_RESULT_FILE);
@@ -120,7 +121,7 @@ static bool is(struct json_object *state, const char *name)
     return strcmp(text_of(state, "state"), name) == 0;
 }
 
-static struct before look_before(const struct odidctl_places *places)
+static struct before look_before(const struct places *places)
 {
     struct json_object *state = read_json(places->state, UPDATE_STATE_FILE);
     struct before before = {.result = result_number(places),
@@ -131,7 +132,7 @@ static struct before look_before(const struct odidctl_places *places)
 }
 
 /* Returns an exit code when it is over, -1 while it isn't. */
-static int look(const struct odidctl_places *places, struct before *before)
+static int look(const struct places *places, struct before *before)
 {
     struct json_object *state = read_json(places->state, UPDATE_STATE_FILE), *result;
     bool ended = !is(state, "checking") && !is(state, "installing");
@@ -190,7 +191,7 @@ static int open_url(const char *url, struct source *source)
 /* What a file on a stick is called, whoever has written the stick says. */
 static void complain_of(const char *name, const char *what, const char *why)
 {
-    char shown[ODIDCTL_PATH_SIZE + NAME_MAX];
+    char shown[PLACES_PATH_SIZE + NAME_MAX];
 
     utf8_clean(shown, sizeof(shown), name);
     fprintf(stderr, "odidctl: %s %s%s\n", shown, what, why);
@@ -228,7 +229,7 @@ static bool close_source(struct source *source)
  * installer that has refused may go on taking what a slow source brings.
  * Returns look()'s answer; *whole: nothing of the source is missed.
  */
-static int hand_over(struct source *source, int installer, const struct odidctl_places *places,
+static int hand_over(struct source *source, int installer, const struct places *places,
                      struct before *before, bool *whole)
 {
     static char piece[65536];
@@ -261,7 +262,7 @@ struct attempt {
                     be another story next time */
 };
 
-static int install(const struct odidctl_places *places, const char *name, struct attempt *attempt)
+static int install(const struct places *places, const char *name, struct attempt *attempt)
 {
     const struct timespec moment = {.tv_nsec = LOOK_MS * 1000000};
     struct before before = look_before(places);
@@ -300,7 +301,7 @@ static int install(const struct odidctl_places *places, const char *name, struct
     if (code < 0) {
         fputs("odidctl: nothing looks after updates: what became of it isn't known\n", stderr);
     }
-    disarmed = odidctl_not_disarmed(places) == NULL;
+    disarmed = armed_not_disarmed(places) == NULL;
     attempt->tried = attempt->tried || (before.written && disarmed);
     attempt->counts = attempt->tried || disarmed;
     return code < 0 ? ODIDCTL_NO_ANSWER : code;
@@ -309,10 +310,10 @@ static int install(const struct odidctl_places *places, const char *name, struct
 /* ---- a stick ---- */
 
 /* Would the gate take it, as far as versions go? If not, it is said. */
-static bool is_wanted(const struct odidctl_places *places, const struct update_bundle *bundle)
+static bool is_wanted(const struct places *places, const struct update_bundle *bundle)
 {
     char running[UPDATE_VERSION_SIZE], rolled_back[UPDATE_VERSION_SIZE];
-    char path[ODIDCTL_PATH_SIZE], why[UPDATE_SENTENCE_SIZE];
+    char path[PLACES_PATH_SIZE], why[UPDATE_SENTENCE_SIZE];
     const struct update_versions versions = {.offered = bundle->version,
                                              .running = running,
                                              .rolled_back = rolled_back,
@@ -333,9 +334,9 @@ struct stick_files {
     char identity[STICK_FILES][UPDATE_IDENTITY_SIZE]; /* the last one first; "": none */
 };
 
-static void read_stick_files(const struct odidctl_places *places, struct stick_files *files)
+static void read_stick_files(const struct places *places, struct stick_files *files)
 {
-    char path[ODIDCTL_PATH_SIZE], *text, *rest, *line;
+    char path[PLACES_PATH_SIZE], *text, *rest, *line;
     size_t length;
 
     memset(files, 0, sizeof(*files));
@@ -347,9 +348,9 @@ static void read_stick_files(const struct odidctl_places *places, struct stick_f
     free(text);
 }
 
-static void write_stick_files(const struct odidctl_places *places, const struct stick_files *files)
+static void write_stick_files(const struct places *places, const struct stick_files *files)
 {
-    char path[ODIDCTL_PATH_SIZE], text[sizeof(*files) + 1] = "";
+    char path[PLACES_PATH_SIZE], text[sizeof(*files) + 1] = "";
     size_t filled = 0;
 
     snprintf(path, sizeof(path), "%s/" UPDATE_STICK_FILE, places->data);
@@ -360,7 +361,7 @@ static void write_stick_files(const struct odidctl_places *places, const struct 
     whole_file_replace(path, text, filled, 0644);
 }
 
-static bool was_tried(const struct odidctl_places *places, const char *identity)
+static bool was_tried(const struct places *places, const char *identity)
 {
     struct stick_files files;
     bool found = false;
@@ -375,10 +376,10 @@ static bool was_tried(const struct odidctl_places *places, const char *identity)
 /* A stick that is forgotten in the aircraft comes again at each power-on, and each time it would
  * cost the other slot and keep the aircraft on the ground: a file that was read to its end is left
  * alone, and so is everything once as many came to nothing as a stick may cost. */
-static bool is_tried_again(const struct odidctl_places *places, const char *path,
+static bool is_tried_again(const struct places *places, const char *path,
                            char identity[UPDATE_IDENTITY_SIZE])
 {
-    char kept[ODIDCTL_PATH_SIZE], failures[16];
+    char kept[PLACES_PATH_SIZE], failures[16];
     struct stat file = {0};
     const char *name = strrchr(path, '/');
 
@@ -401,7 +402,7 @@ static bool is_tried_again(const struct odidctl_places *places, const char *path
     return false;
 }
 
-static void remember_file(const struct odidctl_places *places, const char *identity)
+static void remember_file(const struct places *places, const char *identity)
 {
     struct stick_files files;
 
@@ -411,9 +412,9 @@ static void remember_file(const struct odidctl_places *places, const char *ident
     write_stick_files(places, &files);
 }
 
-static void count_failure(const struct odidctl_places *places)
+static void count_failure(const struct places *places)
 {
-    char kept[ODIDCTL_PATH_SIZE], text[16];
+    char kept[PLACES_PATH_SIZE], text[16];
 
     snprintf(kept, sizeof(kept), "%s/" UPDATE_STICK_FAILURES_FILE, places->state);
     whole_file_line(kept, text, sizeof(text));
@@ -423,7 +424,7 @@ static void count_failure(const struct odidctl_places *places)
 
 /* One that isn't read to its end, of a slow stick or refused at once, isn't remembered; but such a
  * stick may come again and again, too. */
-static void note_failure(const struct odidctl_places *places, const char *identity,
+static void note_failure(const struct places *places, const char *identity,
                          const struct attempt *attempt)
 {
     if (attempt->tried) {
@@ -434,7 +435,7 @@ static void note_failure(const struct odidctl_places *places, const char *identi
     }
 }
 
-static int try_file(const struct odidctl_places *places, const char *path, const char *version,
+static int try_file(const struct places *places, const char *path, const char *version,
                     const char *identity)
 {
     int unattended = update_gate_say(places->state, "unattended"), result;
@@ -457,10 +458,10 @@ static int try_file(const struct odidctl_places *places, const char *path, const
 
 /* The newest bundle of the folder, as one that nobody asked for: the gate is told so, and judges by
  * the description that was verified. This one only saves work. */
-static int install_from(const struct odidctl_places *places, const char *folder)
+static int install_from(const struct places *places, const char *folder)
 {
     char hardware[UPDATE_HARDWARE_SIZE], name[NAME_MAX + 1];
-    char path[ODIDCTL_PATH_SIZE + NAME_MAX + 2];
+    char path[PLACES_PATH_SIZE + NAME_MAX + 2];
     char identity[UPDATE_IDENTITY_SIZE];
     struct update_bundle bundle;
     int result;
@@ -483,7 +484,7 @@ static int install_from(const struct odidctl_places *places, const char *folder)
 
 /* ---- calling it off ---- */
 
-static int cancel(const struct odidctl_places *places)
+static int cancel(const struct places *places)
 {
     char answer[UPDATE_SENTENCE_SIZE];
 
@@ -495,7 +496,7 @@ static int cancel(const struct odidctl_places *places)
     return answer[0] == '\0' ? ODIDCTL_GOOD : ODIDCTL_NOT_GOOD;
 }
 
-int odidctl_update(const struct odidctl_places *places, const char *name)
+int odidctl_update(const struct places *places, const char *name)
 {
     struct attempt attempt;
     struct stat file;

@@ -21,32 +21,6 @@
 #define CLOCK_JUMP_US 2500000
 #define CLOCK_SAY_EVERY_US 60000000
 
-const char *recorder_kind_name(enum recorder_fault_kind kind)
-{
-    switch (kind) {
-    case RECORDER_DAEMON:
-        return "daemon";
-    case RECORDER_LINK:
-        return "link";
-    case RECORDER_POSITION:
-        return "position";
-    case RECORDER_IDENTITY:
-        return "identity";
-    case RECORDER_SOURCES:
-        return "sources";
-    case RECORDER_EMERGENCY:
-        return "emergency";
-    case RECORDER_SIMULATED:
-        return "simulated";
-    case RECORDER_UNDERVOLTAGE:
-        return "undervoltage";
-    case RECORDER_THROTTLED:
-        return "throttled";
-    default:
-        return channel_name((enum channel)(kind - RECORDER_CHANNEL));
-    }
-}
-
 bool recorder_armed(const struct recorder *recorder)
 {
     return recorder->totals.armed_since_us != INT64_MIN;

@@ -4,7 +4,7 @@
 
 #include <json-c/json_object.h>
 
-#include "recorder.h"
+#include "record.h"
 
 struct recorder_flight {
     char boot[RECORDER_NAME_SIZE * 2], version[RECORDER_NAME_SIZE], image[RECORDER_NAME_SIZE * 2];

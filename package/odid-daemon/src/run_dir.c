@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "kept.h"
+#include "kept_counters.h"
 #include "log.h"
 
 #define MODE 0755

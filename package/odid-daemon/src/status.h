@@ -16,8 +16,6 @@
 #include "health.h"
 #include "telemetry.h"
 
-#define STATUS_SOCKET "status.sock"
-
 /* How late the slots' deadlines were met, in microseconds. */
 struct status_lateness {
     uint64_t slots, skipped;

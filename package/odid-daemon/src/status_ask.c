@@ -12,7 +12,6 @@
 #include <unistd.h>
 
 #include "loop.h"
-#include "status.h"
 
 /* In the kernel's queue, in turn: where many ask, each gets its answer. */
 static int wait_at_most(int fd, int patience_ms)

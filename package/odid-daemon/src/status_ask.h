@@ -5,6 +5,7 @@
 #include <stddef.h>
 #include <sys/types.h>
 
+#define STATUS_SOCKET "status.sock" /* in run_dir */
 /* An answer is never longer. */
 #define STATUS_ANSWER_MAX 65536
 

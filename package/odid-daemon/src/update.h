@@ -13,10 +13,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
-struct kept;
+#include "update_names.h"
 
-#define UPDATE_SENTENCE_SIZE 240
-#define UPDATE_VERSION_SIZE 64
+struct kept;
 
 /* All is well for so long: the slot on trial is kept. */
 #define UPDATE_WELL_US 20000000

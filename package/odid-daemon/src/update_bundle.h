@@ -11,7 +11,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "update.h"
+#include "update_names.h"
 
 #define UPDATE_DESCRIPTION_MAX 16384 /* octets */
 #define UPDATE_HARDWARE_SIZE 32

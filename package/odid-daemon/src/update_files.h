@@ -9,14 +9,7 @@
 #include <sys/types.h>
 
 #include "update_judge.h"
-
-#define UPDATE_STATE_FILE "update.json"       /* in /run/odid-appliance */
-#define UPDATE_RESULT_FILE "odid/update.json" /* in /data */
-#define UPDATE_RECORD_FILE "odid/trial.json"  /* in /data */
-#define UPDATE_BACK_FILE "odid/rolled-back"   /* in /data: the version, for sticks */
-#define UPDATE_STICK_FILE "odid/stick-failed" /* in /data: sticks' files that were tried last */
-#define UPDATE_STICK_FAILURES_FILE "stick-failures" /* in /run/odid-appliance: how many did */
-#define UPDATE_IDENTITY_SIZE 128
+#include "update_names.h"
 
 enum update_outcome { UPDATE_INSTALLED, UPDATE_REFUSED, UPDATE_BACK };
 

@@ -13,7 +13,7 @@
 
 #include <stdbool.h>
 
-#include "update.h"
+#include "update_names.h"
 
 #define UPDATE_GATE_SOCKET "update.sock" /* in /run/odid-appliance */
 

@@ -6,9 +6,9 @@
 #include <unistd.h>
 
 #include "config.h"
+#include "faults.h"
 #include "log.h"
 #include "loop.h"
-#include "odidctl.h"
 #include "update_places.h"
 #include "whole_file.h"
 
@@ -50,7 +50,7 @@ static void end_pause(void *context, int64_t now_us)
         loop_arm(&hawkbit.pause, now_us + SECOND_US);
         return;
     }
-    odidctl_set_fault(FAULTS, SERVER_FAULT, NULL);
+    faults_set(FAULTS, SERVER_FAULT, NULL);
     if (unlink(HAWKBIT_PAUSE) == 0) {
         hawkbit.restart();
     }
@@ -136,7 +136,7 @@ static void say_what_it_does(void)
              "SWUpdate ended three times within a minute over what the hawkBit server %s answers: "
              "it isn't asked for %d minutes.",
              config.hawkbit_url, (int)(hawkbit.pause_us / (60 * SECOND_US)));
-    odidctl_set_fault(FAULTS, SERVER_FAULT, sentence);
+    faults_set(FAULTS, SERVER_FAULT, sentence);
 }
 
 void update_hawkbit_lost(int64_t now_us)

@@ -8,7 +8,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "update.h"
+#include "update_names.h"
 
 /* What nobody asked for, a stick's, is to be newer, and no version that failed here. */
 struct update_versions {

@@ -5,10 +5,11 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "armed.h"
 #include "config.h"
 #include "import_kept.h"
 #include "kept.h"
-#include "odidctl.h"
+#include "status_fetch.h"
 #include "update_bundle.h"
 #include "update_environment.h"
 #include "update_files.h"
@@ -66,7 +67,7 @@ static void fill_offer(struct update_offer *offer, const struct update_bundle *b
     int known =
         update_variables_read(ENVIRONMENT_CONFIG, NULL, question->running, &variables, &damaged);
     int error = 0;
-    struct json_object *status = odidctl_fetch(RUN_DIR, &error);
+    struct json_object *status = status_fetch(RUN_DIR, &error);
     struct kept kept;
     bool ran = kept_read(RUN_DIR, &kept) == 0;
 
@@ -83,9 +84,9 @@ static void fill_offer(struct update_offer *offer, const struct update_bundle *b
         .slot_octets = update_slot_octets(question->other),
         .undecided = question->beside || known < 0 || variables.upgrade_available,
         .given_up = variables.trial_failed == question->running,
-        .armed = (ran && kept.armed == KEPT_ARMED) || odidctl_says_armed(status) ? UPDATE_ARMED
-                 : status == NULL || !ran ? UPDATE_ARMED_UNKNOWN
-                                          : UPDATE_DISARMED,
+        .armed = (ran && kept.armed == KEPT_ARMED) || armed_says(status) ? UPDATE_ARMED
+                 : status == NULL || !ran                                ? UPDATE_ARMED_UNKNOWN
+                                                                         : UPDATE_DISARMED,
         .remembers = remembers(),
     };
     json_object_put(status);

@@ -12,8 +12,11 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "armed.h"
 #include "log.h"
 #include "loop.h"
+#include "password.h"
+#include "settings.h"
 #include "update_gate.h"
 #include "web_status.h"
 #include "web_upload.h"
@@ -167,7 +170,7 @@ int web_helper_update(int helper, const char token[WEB_TOKEN_SIZE], char *senten
 /* ---- in root's half ---- */
 
 static struct {
-    const struct odidctl_places *places;
+    const struct places *places;
     const char *updater;
     struct web_sessions sessions;
     struct stat password; /* the file with its key, when it was looked at last */
@@ -175,7 +178,7 @@ static struct {
 
 static enum web_password check(const char *password)
 {
-    int result = odidctl_check_password(self.places->data, password);
+    int result = password_check(self.places->data, password);
 
     return result > 0 ? WEB_PASSWORD_RIGHT : result == 0 ? WEB_PASSWORD_WRONG : WEB_PASSWORD_NONE;
 }
@@ -183,7 +186,7 @@ static enum web_password check(const char *password)
 /* Who gave the password before is whoever knew that one. */
 static void end_sessions_of_another_password(void)
 {
-    char path[ODIDCTL_PATH_SIZE];
+    char path[PLACES_PATH_SIZE];
     struct stat file = {0};
 
     snprintf(path, sizeof(path), "%s/secrets/maintenance.psk", self.places->data);
@@ -244,14 +247,13 @@ static void read_said(int fd, char said[WEB_SAID_SIZE])
 }
 
 /* The value never gets into a list of processes: what odidctl set is made of is called, not run. */
-static void set_and_exit(const struct odidctl_places *places, const char *key, char *value,
-                         int said)
+static void set_and_exit(const struct places *places, const char *key, char *value, int said)
 {
     if (dup2(said, STDOUT_FILENO) < 0 || dup2(said, STDERR_FILENO) < 0) {
         _exit(ODIDCTL_NOT_GOOD);
     }
     setvbuf(stdout, NULL, _IONBF, 0); /* in the order in which it is said */
-    exit(odidctl_set(places, key, value));
+    exit(settings_set(places, key, value));
 }
 
 static void set(struct order *order, struct answer *answer)
@@ -263,7 +265,7 @@ static void set(struct order *order, struct answer *answer)
     if ((unsigned)order->setting > WEB_SERIAL) {
         return;
     }
-    why = odidctl_not_disarmed(self.places);
+    why = armed_not_disarmed(self.places);
     if (why != NULL) {
         snprintf(answer->said, sizeof(answer->said), "%s: nothing was changed.", why);
         return;
@@ -354,7 +356,7 @@ static bool reply(int orders, struct answer *answer, int fd)
     return sendmsg(orders, &message, MSG_NOSIGNAL) >= 0;
 }
 
-void web_helper_serve(int orders, const struct odidctl_places *places, const char *updater)
+void web_helper_serve(int orders, const struct places *places, const char *updater)
 {
     static struct answer answer;
     struct order order;

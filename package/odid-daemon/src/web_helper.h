@@ -24,7 +24,8 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "odidctl.h"
+#include "exits.h"
+#include "places.h"
 #include "web_request.h"
 #include "web_session.h"
 
@@ -77,6 +78,6 @@ bool web_helper_cancel(int helper, const char token[WEB_TOKEN_SIZE], char *sente
 
 /* Serves orders from the socket until its other end is closed. updater: the folder of SWUpdate's
  * sockets. */
-void web_helper_serve(int orders, const struct odidctl_places *places, const char *updater);
+void web_helper_serve(int orders, const struct places *places, const char *updater);
 
 #endif

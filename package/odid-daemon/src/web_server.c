@@ -194,7 +194,7 @@ static enum MHD_Result flights(struct request *request)
 
 static enum MHD_Result flight(struct request *request)
 {
-    char path[ODIDCTL_PATH_SIZE], name[40];
+    char path[PLACES_PATH_SIZE], name[40];
 
     snprintf(path, sizeof(path), "%s/%05u.jsonl", self.server->sources.flights,
              request->target.number);
@@ -204,7 +204,7 @@ static enum MHD_Result flight(struct request *request)
 
 static enum MHD_Result page_file(struct request *request)
 {
-    char path[ODIDCTL_PATH_SIZE];
+    char path[PLACES_PATH_SIZE];
 
     snprintf(path, sizeof(path), "%s/%s", self.server->files, request->target.file->name);
     return web_give_file(request->connection, path, request->target.file->type, NULL);

@@ -5,14 +5,14 @@
 #ifndef ODID_WEB_SERVER_H
 #define ODID_WEB_SERVER_H
 
-#include "odidctl.h"
+#include "places.h"
 #include "web_status.h"
 
 struct web_server {
     int listener;      /* a listening, non-blocking TCP socket */
     int helper;        /* the socket to web_helper_serve */
     const char *files; /* the page's folder */
-    const struct odidctl_places *places;
+    const struct places *places;
     struct web_sources sources;
 };
 

@@ -7,7 +7,10 @@
 #include <string.h>
 #include <sys/stat.h>
 
-#include "odidctl_flights.h"
+#include "armed.h"
+#include "faults.h"
+#include "flights_show.h"
+#include "status_fetch.h"
 #include "utf8.h"
 #include "whole_file.h"
 
@@ -39,7 +42,7 @@ static struct json_object *line_of(const char *path)
 /* A small file that holds one JSON object; null when it doesn't. */
 static struct json_object *object_of(const char *directory, const char *name)
 {
-    char path[ODIDCTL_PATH_SIZE], *text;
+    char path[PLACES_PATH_SIZE], *text;
     struct json_object *object = NULL;
     size_t length;
 
@@ -60,9 +63,9 @@ static struct json_object *object_of(const char *directory, const char *name)
  * The last result, and a mark that changes with each: two updates may be
  * refused for the same reason, at a time that nobody knows.
  */
-static void add_last_update(struct json_object *root, const struct odidctl_places *places)
+static void add_last_update(struct json_object *root, const struct places *places)
 {
-    char directory[ODIDCTL_PATH_SIZE], path[ODIDCTL_PATH_SIZE + 16], mark[64];
+    char directory[PLACES_PATH_SIZE], path[PLACES_PATH_SIZE + 16], mark[64];
     struct json_object *result;
     struct stat file;
 
@@ -93,20 +96,19 @@ static const char *silence(int error)
     }
 }
 
-struct json_object *web_status(const struct odidctl_places *places,
-                               const struct web_sources *sources)
+struct json_object *web_status(const struct places *places, const struct web_sources *sources)
 {
     struct json_object *root = json_object_new_object(), *daemon;
-    char path[ODIDCTL_PATH_SIZE];
+    char path[PLACES_PATH_SIZE];
     int error = 0;
 
     if (root == NULL) {
         return NULL;
     }
-    daemon = odidctl_fetch(places->run_dir, &error);
+    daemon = status_fetch(places->run_dir, &error);
     add(root, "daemon", daemon);
     add(root, "daemon_silence", daemon == NULL ? json_object_new_string(silence(error)) : NULL);
-    add(root, "faults", odidctl_faults(places->faults));
+    add(root, "faults", faults_list(places->faults));
     add(root, "version", line_of(sources->version));
     snprintf(path, sizeof(path), "%s/slot", places->state);
     add(root, "slot", line_of(path));
@@ -124,7 +126,7 @@ char *web_flights(const struct web_sources *sources, size_t *length)
     if (out == NULL) {
         return NULL;
     }
-    result = odidctl_flights(out, sources->flights, NULL, odidctl_flights_boot(), true);
+    result = flights_show(out, sources->flights, NULL, flights_boot(), true);
     if (fclose(out) != 0 || (result != 0 && *length == 0)) {
         free(text);
         return NULL;
@@ -132,12 +134,12 @@ char *web_flights(const struct web_sources *sources, size_t *length)
     return text;
 }
 
-void web_update_obstacle(const struct odidctl_places *places, char *sentence, size_t size)
+void web_update_obstacle(const struct places *places, char *sentence, size_t size)
 {
     struct json_object *update = object_of(places->state, "update.json");
     const char *state = json_object_get_string(json_object_object_get(update, "state"));
     const char *told = json_object_get_string(json_object_object_get(update, "sentence"));
-    const char *why = odidctl_not_disarmed(places);
+    const char *why = armed_not_disarmed(places);
 
     sentence[0] = '\0';
     if (why != NULL) {

@@ -4,7 +4,7 @@
 
 #include <json-c/json_object.h>
 
-#include "odidctl.h"
+#include "places.h"
 
 /* Where else than in odidctl's places something is told; other ones are for tests. */
 struct web_sources {
@@ -17,13 +17,12 @@ struct web_sources {
  * state and the last one's result. What can't be read is null. Never NULL but
  * without memory; the caller puts it back.
  */
-struct json_object *web_status(const struct odidctl_places *places,
-                               const struct web_sources *sources);
+struct json_object *web_status(const struct places *places, const struct web_sources *sources);
 
 /* As "odidctl flights --json" lists them. Allocated; NULL when they can't be read. */
 char *web_flights(const struct web_sources *sources, size_t *length);
 
 /* A sentence about the update that is under way, when that keeps another one out; else "". */
-void web_update_obstacle(const struct odidctl_places *places, char *sentence, size_t size);
+void web_update_obstacle(const struct places *places, char *sentence, size_t size);
 
 #endif

@@ -238,11 +238,11 @@ static void another_flight_from_something_fast_has_its_own_point(void **state)
 
 static void armed_before_start_the_kept_point_serves(void **state)
 {
-    const struct aircraft_takeoff kept = {.known = true,
-                                          .latitude_deg = 57.1,
-                                          .longitude_deg = 11.1,
-                                          .altitude_msl_m = 34,
-                                          .altitude_geodetic_m = 70.4};
+    const struct kept_takeoff kept = {.known = true,
+                                      .latitude_deg = 57.1,
+                                      .longitude_deg = 11.1,
+                                      .altitude_msl_m = 34,
+                                      .altitude_geodetic_m = 70.4};
 
     (void)state;
     aircraft_restore_takeoff(aircraft, &kept);
@@ -258,7 +258,7 @@ static void armed_before_start_the_kept_point_serves(void **state)
 
 static void the_kept_point_is_not_used_when_arming_is_seen(void **state)
 {
-    const struct aircraft_takeoff kept = {.known = true, .latitude_deg = 57.1};
+    const struct kept_takeoff kept = {.known = true, .latitude_deg = 57.1};
 
     (void)state;
     aircraft_restore_takeoff(aircraft, &kept);

@@ -17,6 +17,7 @@
 #include <unistd.h>
 
 #include "kept.h"
+#include "kept_counters.h"
 #include "own_mounts.h"
 
 static char directory[] = "/tmp/odid-kept-XXXXXX";

@@ -46,7 +46,7 @@ static int model_kill(pid_t process, int signal);
 static void model_sync(void);
 
 #define kill model_kill
-#define odidctl_fetch model_fetch
+#define status_fetch model_fetch
 #define update_gate_serve model_gate_serve
 #define update_gate_ask model_gate_ask
 #define sync model_sync

@@ -10,7 +10,7 @@
 #include <stdlib.h>
 #include <unistd.h>
 
-#include "odidctl_flights.h"
+#include "flights_show.h"
 #include "recorder_bench.h"
 #include "recorder_json.h"
 
@@ -51,7 +51,7 @@ static int show(const char *number, const char *boot, bool json)
     int result;
 
     assert_non_null(out);
-    result = odidctl_flights(out, directory, number, boot, json);
+    result = flights_show(out, directory, number, boot, json);
     assert_int_equal(fclose(out), 0);
     assert_null(strstr(text, "nan"));
     assert_null(strstr(text, "-9223372"));
@@ -498,7 +498,7 @@ static void what_is_not_there(void **state)
     assert_int_equal(show("-1", "", false), 1);
     assert_int_equal(show("1x", "", false), 1);
     assert_int_equal(show("", "", false), 1);
-    assert_int_equal(odidctl_flights(stdout, "/nonexistent/flights", NULL, "", false), 1);
+    assert_int_equal(flights_show(stdout, "/nonexistent/flights", NULL, "", false), 1);
     /* an empty file, as a power cut may leave it, and one of somebody else */
     put_record(1, bench.text.length);
     snprintf(path, sizeof(path), "%s/00002.jsonl", directory);

@@ -9,14 +9,14 @@
 #include <json-c/json_tokener.h>
 #include <string.h>
 
-#include "odidctl_json.h"
+#include "json_clean.h"
 
 static void assert_cleaned(const char *text, const char *expected)
 {
     struct json_object *value = json_tokener_parse(text);
 
     assert_non_null(value);
-    odidctl_json_clean(value);
+    json_clean(value);
     assert_string_equal(json_object_to_json_string_ext(value, JSON_C_TO_STRING_PLAIN), expected);
     json_object_put(value);
 }

@@ -10,6 +10,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "duration.h"
 #include "odidctl_table.h"
 #include "status_fixture.h"
 
@@ -111,7 +112,7 @@ static void durations(void **state)
 
     (void)state;
     for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
-        odidctl_duration(text, sizeof(text), cases[i].seconds);
+        duration_text(text, sizeof(text), cases[i].seconds);
         assert_string_equal(text, cases[i].text);
     }
 }

@@ -10,7 +10,7 @@
 #define ipc_inst_start_ext model_start
 #define ipc_end model_end
 #define update_gate_say model_say
-#define odidctl_not_disarmed model_not_disarmed
+#define armed_not_disarmed model_not_disarmed
 #include "odidctl_update.c"
 #include "own_folder.h"
 
@@ -50,7 +50,7 @@ int model_say(const char *directory, const char *word)
     return open("/dev/null", O_RDONLY | O_CLOEXEC);
 }
 
-const char *model_not_disarmed(const struct odidctl_places *places)
+const char *model_not_disarmed(const struct places *places)
 {
     (void)places;
     return armed ? "The aircraft is armed" : NULL;
@@ -58,7 +58,7 @@ const char *model_not_disarmed(const struct odidctl_places *places)
 
 /* ---- tests ---- */
 
-static const struct odidctl_places places = {.data = "data", .state = "state"};
+static const struct places places = {.data = "data", .state = "state"};
 
 /* A file of that many octets is offered; written at one and the same time, or it would be another.
  */

@@ -25,7 +25,7 @@
 #define CONFIGURATION DATA "/odid/odid.conf"
 #define IN_MEMORY "data-in-memory"
 
-#define odidctl_fetch model_fetch
+#define status_fetch model_fetch
 #define kept_read model_kept
 #define update_variables_read model_variables
 #define update_variables_write model_write

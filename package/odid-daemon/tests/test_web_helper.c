@@ -4,12 +4,13 @@
 #include <sys/prctl.h>
 
 #include "maintenance_key.h"
+#include "password.h"
 #include "web_helper.h"
 
 #define ANSWER "{\"on_air\": true}"
 #define NUMBER "FIN87astrdge12k8"
 
-static const struct odidctl_places places = {
+static const struct places places = {
     .run_dir = "run", .data = "data", .faults = "faults", .state = "state", .apply = "./apply"};
 
 static pid_t helper_process;
@@ -143,7 +144,7 @@ static void a_password_outlives_the_access_point_s_name(void **state)
 
     (void)state;
     put("data/secrets/wifi_ssid", "RemoteID-0A1B\n");
-    assert_int_equal(odidctl_keep_password("data", PASSWORD), 0);
+    assert_int_equal(password_keep("data", PASSWORD), 0);
     put("data/secrets/wifi_ssid", "RemoteID-FFFF\n");
     assert_int_equal(verdict_on(helper, PASSWORD), WEB_PASSWORD_RIGHT);
     assert_int_equal(verdict_on(helper, "saltwate"), WEB_PASSWORD_WRONG);

@@ -1,4 +1,6 @@
 /* odidctl get and set: one value of the configuration in force. */
+#include "settings.h"
+
 #include <errno.h>
 #include <spawn.h>
 #include <stdio.h>
@@ -7,22 +9,18 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "armed.h"
 #include "config_edit.h"
 #include "config_keys.h"
-#include "odidctl.h"
+#include "exits.h"
+#include "faults.h"
+#include "password.h"
+#include "places.h"
 #include "whole_file.h"
+#include "wrong.h"
 
 #define FILE_MAX 65536
 #define VALUE_SIZE 256 /* a line is no longer */
-
-void odidctl_config_path(const struct odidctl_places *places, char path[ODIDCTL_PATH_SIZE])
-{
-    if (places->config != NULL) {
-        snprintf(path, ODIDCTL_PATH_SIZE, "%s", places->config);
-    } else {
-        snprintf(path, ODIDCTL_PATH_SIZE, "%s/odid/odid.conf", places->data);
-    }
-}
 
 /* ---- SECTION.KEY ---- */
 
@@ -145,17 +143,17 @@ static void print_value(const struct config_key *key, const struct config *confi
     if (!config_key_is_secret(key)) {
         config_key_show(key, config, shown, sizeof(shown));
         puts(shown);
-    } else if (config->maintenance_password[0] != '\0' || odidctl_password_known(data)) {
+    } else if (config->maintenance_password[0] != '\0' || password_known(data)) {
         puts("set");
     } else {
         puts("unset");
     }
 }
 
-int odidctl_get(const struct odidctl_places *places, char *const names[])
+int settings_get(const struct places *places, char *const names[])
 {
     static struct sentences ignored;
-    char path[ODIDCTL_PATH_SIZE];
+    char path[PLACES_PATH_SIZE];
     struct config config;
     char *text;
     size_t length = 0;
@@ -165,7 +163,7 @@ int odidctl_get(const struct odidctl_places *places, char *const names[])
             return ODIDCTL_USAGE;
         }
     }
-    odidctl_config_path(places, path);
+    places_config(places, path);
     text = read_text(path, &length); /* unreadable: the defaults are in force */
     read_config(&config, text, length, &ignored);
     free_text(text, length);
@@ -179,11 +177,11 @@ int odidctl_get(const struct odidctl_places *places, char *const names[])
 /* ---- set ---- */
 
 /* Of what is wrong since then. before is put back. */
-static int say_effect(const struct odidctl_places *places, struct json_object *before)
+static int say_effect(const struct places *places, struct json_object *before)
 {
     char wrong[1024];
 
-    odidctl_wrong_since(places, before, wrong, sizeof(wrong));
+    wrong_since(places, before, wrong, sizeof(wrong));
     json_object_put(before);
     if (wrong[0] != '\0') {
         printf("Saved; but since then: %s\n", wrong);
@@ -194,7 +192,7 @@ static int say_effect(const struct odidctl_places *places, struct json_object *b
 }
 
 /* Returns whether it counts now: 0, or ODIDCTL_HALF_DONE. */
-static int apply(const struct odidctl_places *places)
+static int apply(const struct places *places)
 {
     char *const arguments[] = {(char *)places->apply, NULL};
     struct json_object *before;
@@ -206,13 +204,13 @@ static int apply(const struct odidctl_places *places)
         puts("Saved. Restart the daemon to make it count.");
         return ODIDCTL_GOOD;
     }
-    why = odidctl_not_disarmed(places);
+    why = armed_not_disarmed(places);
     if (why != NULL) {
         printf("Saved. %s: it takes effect after the next power-on.\n", why);
         return ODIDCTL_GOOD;
     }
     fflush(stdout);
-    before = odidctl_wrong(places);
+    before = wrong_now(places);
     error = posix_spawn(&child, places->apply, NULL, NULL, arguments, environ);
     if (error == 0 && waitpid(child, &status, 0) < 0) {
         error = errno;
@@ -317,19 +315,19 @@ static int say_written(const char *path, int result)
 }
 
 /* Who saves settings has seen which ones are in force: that others were lost is over (S30data). */
-static void settle_lost(const struct odidctl_places *places)
+static void settle_lost(const struct places *places)
 {
-    char mark[ODIDCTL_PATH_SIZE];
+    char mark[PLACES_PATH_SIZE];
 
     if (places->config == NULL) {
         snprintf(mark, sizeof(mark), "%s/odid/settings-lost", places->data);
         unlink(mark);
-        odidctl_set_fault(places->faults, "settings", NULL);
+        faults_set(places->faults, "settings", NULL);
     }
 }
 
-static int set_in_file(const struct odidctl_places *places, const char *path,
-                       const struct config_key *key, const char *value)
+static int set_in_file(const struct places *places, const char *path, const struct config_key *key,
+                       const char *value)
 {
     static struct sentences before;
     struct config config;
@@ -372,7 +370,7 @@ static int set_in_file(const struct odidctl_places *places, const char *path,
 }
 
 /* It never gets into the file: only the key that is made of it is kept. */
-static int set_password(const struct odidctl_places *places, const struct config_key *key,
+static int set_password(const struct places *places, const struct config_key *key,
                         const char *password)
 {
     int result;
@@ -382,7 +380,7 @@ static int set_password(const struct odidctl_places *places, const struct config
                 key->name, key->rule->expected);
         return ODIDCTL_NOT_GOOD;
     }
-    result = odidctl_keep_password(places->data, password);
+    result = password_keep(places->data, password);
     if (result < 0) {
         fprintf(stderr, "odidctl: the password's key can't be kept: %s; nothing was changed.\n",
                 strerror(-result));
@@ -391,10 +389,10 @@ static int set_password(const struct odidctl_places *places, const struct config
     return apply(places);
 }
 
-int odidctl_set(const struct odidctl_places *places, const char *name, char *value)
+int settings_set(const struct places *places, const char *name, char *value)
 {
     const struct config_key *key = find_key(name);
-    char path[ODIDCTL_PATH_SIZE], directory[ODIDCTL_PATH_SIZE], copy[VALUE_SIZE], *slash;
+    char path[PLACES_PATH_SIZE], directory[PLACES_PATH_SIZE], copy[VALUE_SIZE], *slash;
     int lock, result;
 
     if (strlen(value) >= sizeof(copy)) {
@@ -407,7 +405,7 @@ int odidctl_set(const struct odidctl_places *places, const char *name, char *val
         explicit_bzero(copy, sizeof(copy));
         return ODIDCTL_USAGE;
     }
-    odidctl_config_path(places, path);
+    places_config(places, path);
     snprintf(directory, sizeof(directory), "%s", path);
     slash = strrchr(directory, '/');
     if (slash == NULL) {

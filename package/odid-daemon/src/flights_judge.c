@@ -1,11 +1,11 @@
-#include "odidctl_flights_judge.h"
+#include "flights_judge.h"
 
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
 
-#include "odidctl_table.h"
+#include "duration.h"
 
 /* ---- what follows from a record ---- */
 
@@ -93,7 +93,7 @@ static void append_channels(char sentence[FLIGHT_SENTENCE_SIZE],
         if (!without_gap && flight_silent_us(record, channel) >= record->totals.armed_us) {
             append(sentence, " never");
         } else if (!without_gap) {
-            odidctl_duration(longest, sizeof(longest), seconds(flight_longest_us(record, channel)));
+            duration_text(longest, sizeof(longest), seconds(flight_longest_us(record, channel)));
             append(sentence, " %.1f %%, longest gap %s", flight_share(record, channel), longest);
         }
     }
@@ -115,7 +115,7 @@ static void append_lacks(char sentence[FLIGHT_SENTENCE_SIZE], const struct recor
         int64_t lacked_us = record->totals.fault_us[lacks[i].kind];
 
         if (lacked_us > 0) {
-            odidctl_duration(lasted, sizeof(lasted), seconds(lacked_us));
+            duration_text(lasted, sizeof(lasted), seconds(lacked_us));
             append(sentence, ", %s for %s", lacks[i].words, lasted);
         }
     }
@@ -128,7 +128,7 @@ static void append_unwatched(char sentence[FLIGHT_SENTENCE_SIZE],
     char lasted[32];
 
     if (record->totals.unwatched_us > 0) {
-        odidctl_duration(lasted, sizeof(lasted), seconds(record->totals.unwatched_us));
+        duration_text(lasted, sizeof(lasted), seconds(record->totals.unwatched_us));
         append(sentence, ", unwatched for %s", lasted);
     }
 }

@@ -1,4 +1,4 @@
-#include "odidctl_json.h"
+#include "json_clean.h"
 
 #include <json-c/linkhash.h>
 #include <string.h>
@@ -28,7 +28,7 @@ static void clean_text(struct json_object *value)
 }
 
 /* Deeper than the tokener goes there is nothing. */
-void odidctl_json_clean(struct json_object *value)
+void json_clean(struct json_object *value)
 {
     switch (json_object_get_type(value)) {
     case json_type_string:
@@ -36,14 +36,14 @@ void odidctl_json_clean(struct json_object *value)
         break;
     case json_type_array:
         for (size_t i = 0; i < json_object_array_length(value); i++) {
-            odidctl_json_clean(json_object_array_get_idx(value, i));
+            json_clean(json_object_array_get_idx(value, i));
         }
         break;
     case json_type_object: {
         json_object_object_foreach(value, name, inner)
         {
             if (is_plain(name)) {
-                odidctl_json_clean(inner);
+                json_clean(inner);
             } else {
                 json_object_object_del(value, name);
             }

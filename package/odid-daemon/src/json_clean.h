@@ -1,6 +1,6 @@
 /* JSON that others have written, before a terminal sees it. */
-#ifndef ODID_ODIDCTL_JSON_H
-#define ODID_ODIDCTL_JSON_H
+#ifndef ODID_JSON_CLEAN_H
+#define ODID_JSON_CLEAN_H
 
 #include <json-c/json_object.h>
 
@@ -10,6 +10,6 @@
  * speaks with the network's words, and it or the recorder may have been taken
  * over. Texts are cut at 1 KiB.
  */
-void odidctl_json_clean(struct json_object *value);
+void json_clean(struct json_object *value);
 
 #endif

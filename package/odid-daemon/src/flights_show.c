@@ -1,4 +1,4 @@
-#include "odidctl_flights.h"
+#include "flights_show.h"
 
 #include <dirent.h>
 #include <errno.h>
@@ -6,9 +6,9 @@
 #include <string.h>
 #include <time.h>
 
-#include "odidctl_flights_judge.h"
-#include "odidctl_json.h"
-#include "odidctl_table.h"
+#include "duration.h"
+#include "flights_judge.h"
+#include "json_clean.h"
 #include "recorder_json.h"
 #include "recorder_store.h"
 #include "utf8.h"
@@ -49,7 +49,7 @@ static void format_span(char out[CELL_SIZE], int64_t us)
     } else if (us == 0) {
         snprintf(out, CELL_SIZE, "-");
     } else {
-        odidctl_duration(out, CELL_SIZE, seconds(us));
+        duration_text(out, CELL_SIZE, seconds(us));
     }
 }
 
@@ -65,7 +65,7 @@ static void format_channel(char out[CELL_SIZE], const struct recorder_flight *re
     } else if (flight_silent_us(record, channel) == 0) {
         snprintf(out, CELL_SIZE, "100 %%");
     } else {
-        odidctl_duration(longest, sizeof(longest), seconds(flight_longest_us(record, channel)));
+        duration_text(longest, sizeof(longest), seconds(flight_longest_us(record, channel)));
         snprintf(out, CELL_SIZE, "%.1f %% %.14s", flight_share(record, channel), longest);
     }
 }
@@ -118,7 +118,7 @@ static void describe(char *sentence, size_t size, const char *event, struct json
     const char *channel = recorder_json_text(line, "channel", "");
     char lasted[32];
 
-    odidctl_duration(lasted, sizeof(lasted), seconds(recorder_json_us(line, "seconds", 0)));
+    duration_text(lasted, sizeof(lasted), seconds(recorder_json_us(line, "seconds", 0)));
     for (enum channel i = 0; i < CHANNELS; i++) {
         channel = strcmp(channel, channel_name(i)) == 0 ? channel_title(i) : channel;
     }
@@ -230,7 +230,7 @@ static void print_detail_channel(FILE *out, const struct recorder_flight *record
     if (record->totals.armed_us > 0 && gaps == 0) {
         fprintf(out, "; armed, without a gap");
     } else if (record->totals.armed_us > 0) {
-        odidctl_duration(longest, sizeof(longest), seconds(flight_longest_us(record, channel)));
+        duration_text(longest, sizeof(longest), seconds(flight_longest_us(record, channel)));
         fprintf(out, "; %.1f %% of the armed time, %u gap%s, the longest %s%s",
                 flight_share(record, channel), gaps, gaps == 1 ? "" : "s", longest,
                 record->open_gap_us[channel] > 0 ? ", one unfinished" : "");
@@ -351,7 +351,7 @@ static struct json_object *flight_json(const struct flight *flight)
 
 static void print_json(FILE *out, struct json_object *value)
 {
-    odidctl_json_clean(value);
+    json_clean(value);
     fprintf(out, "%s\n",
             json_object_to_json_string_ext(value, JSON_C_TO_STRING_PRETTY |
                                                       JSON_C_TO_STRING_SPACED |
@@ -474,14 +474,13 @@ static int show_one(FILE *out, const char *directory, const char *number, const 
     return 0;
 }
 
-int odidctl_flights(FILE *out, const char *directory, const char *number, const char *boot,
-                    bool json)
+int flights_show(FILE *out, const char *directory, const char *number, const char *boot, bool json)
 {
     return number == NULL ? show_all(out, directory, boot, json)
                           : show_one(out, directory, number, boot, json);
 }
 
-const char *odidctl_flights_boot(void)
+const char *flights_boot(void)
 {
     static char boot[64];
     FILE *file = fopen("/proc/sys/kernel/random/boot_id", "re");

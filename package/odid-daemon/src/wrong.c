@@ -1,10 +1,15 @@
 /* What is wrong, and what is wrong since something was done: of a setting that was saved nobody
  * says that it is in effect without having looked. */
+#include "wrong.h"
+
+#include <stdbool.h>
 #include <stdio.h>
 #include <string.h>
 #include <time.h>
 
-#include "odidctl.h"
+#include "faults.h"
+#include "places.h"
+#include "status_fetch.h"
 
 /* The daemon is started again, and hears its autopilot within a second; of several ports the right
  * one is found within ten. */
@@ -29,15 +34,15 @@ static void add_sentences(struct json_object *sentences, struct json_object *fou
     }
 }
 
-struct json_object *odidctl_wrong(const struct odidctl_places *places)
+struct json_object *wrong_now(const struct places *places)
 {
     struct json_object *sentences = json_object_new_array();
-    struct json_object *faults = odidctl_faults(places->faults), *status;
+    struct json_object *faults = faults_list(places->faults), *status;
     int error;
 
     add_sentences(sentences, faults, "sentence");
     json_object_put(faults);
-    status = odidctl_fetch(places->run_dir, &error);
+    status = status_fetch(places->run_dir, &error);
     if (status == NULL) {
         json_object_array_add(sentences, json_object_new_string("the daemon doesn't answer"));
     }
@@ -83,8 +88,7 @@ static void find_new(struct json_object *now, struct json_object *before, char *
     }
 }
 
-void odidctl_wrong_since(const struct odidctl_places *places, struct json_object *before, char *out,
-                         size_t size)
+void wrong_since(const struct places *places, struct json_object *before, char *out, size_t size)
 {
     const struct timespec moment = {.tv_nsec = LOOK_MS * 1000000L};
 
@@ -93,7 +97,7 @@ void odidctl_wrong_since(const struct odidctl_places *places, struct json_object
         struct json_object *now;
 
         nanosleep(&moment, NULL);
-        now = odidctl_wrong(places);
+        now = wrong_now(places);
         find_new(now, before, out, size);
         json_object_put(now);
         steady_ms = out[0] == '\0' ? steady_ms + LOOK_MS : 0;

@@ -1,5 +1,7 @@
 /* The technician's password: of it only the access point's key is kept. One that the board made for
  * itself is kept as it is, for the volume CONFIG to show. */
+#include "password.h"
+
 #include <errno.h>
 #include <fcntl.h>
 #include <nettle/memops.h>
@@ -13,7 +15,7 @@
 
 #include "config_ini.h"
 #include "maintenance_key.h"
-#include "odidctl.h"
+#include "places.h"
 #include "whole_file.h"
 
 /*
@@ -35,9 +37,9 @@
 #define MADE_GROUP 4
 #define MADE_LENGTH (MADE_GROUPS * (MADE_GROUP + 1) - 1)
 
-static void data_path(const char *data, const char *name, char path[ODIDCTL_PATH_SIZE])
+static void data_path(const char *data, const char *name, char path[PLACES_PATH_SIZE])
 {
-    snprintf(path, ODIDCTL_PATH_SIZE, "%s/%s", data, name);
+    snprintf(path, PLACES_PATH_SIZE, "%s/%s", data, name);
 }
 
 /* The file's first line, shortened to size - 1; empty when there is none. */
@@ -59,7 +61,7 @@ static int remove_file(const char *path)
 /* The access point's name, as hostapd's configuration has it. */
 static void read_ssid(const char *data, char ssid[SSID_MAX + 1])
 {
-    char path[ODIDCTL_PATH_SIZE];
+    char path[PLACES_PATH_SIZE];
 
     data_path(data, SSID_FILE, path);
     read_line(path, ssid, SSID_MAX + 1);
@@ -83,7 +85,7 @@ static void read_key_ssid(const char *data, const char *kept, char ssid[SSID_MAX
 
 static int make_secrets(const char *data)
 {
-    char path[ODIDCTL_PATH_SIZE];
+    char path[PLACES_PATH_SIZE];
 
     data_path(data, SECRETS, path);
     return mkdir(path, 0700) < 0 && errno != EEXIST ? -errno : 0;
@@ -91,7 +93,7 @@ static int make_secrets(const char *data)
 
 static int keep_key(const char *data, const char *password)
 {
-    char path[ODIDCTL_PATH_SIZE], ssid[SSID_MAX + 1], key[MAINTENANCE_KEY_SIZE];
+    char path[PLACES_PATH_SIZE], ssid[SSID_MAX + 1], key[MAINTENANCE_KEY_SIZE];
     char lines[sizeof(key) + sizeof(ssid) + 1];
     int result = make_secrets(data);
 
@@ -108,9 +110,9 @@ static int keep_key(const char *data, const char *password)
     return result;
 }
 
-int odidctl_keep_password(const char *data, const char *password)
+int password_keep(const char *data, const char *password)
 {
-    char path[ODIDCTL_PATH_SIZE];
+    char path[PLACES_PATH_SIZE];
     int result;
 
     if (password[0] == '\0') {
@@ -123,23 +125,23 @@ int odidctl_keep_password(const char *data, const char *password)
         return result;
     }
     /* Last: while its key is in force it has to be known. Where power fails before that,
-     * odidctl_show_made_password does it. */
+     * password_show_made does it. */
     data_path(data, MADE_FILE, path);
     return remove_file(path);
 }
 
-bool odidctl_password_known(const char *data)
+bool password_known(const char *data)
 {
-    char path[ODIDCTL_PATH_SIZE];
+    char path[PLACES_PATH_SIZE];
     struct stat file;
 
     data_path(data, KEY_FILE, path);
     return stat(path, &file) == 0 && file.st_size > 0;
 }
 
-int odidctl_check_password(const char *data, const char *password)
+int password_check(const char *data, const char *password)
 {
-    char path[ODIDCTL_PATH_SIZE], ssid[SSID_MAX + 1], key[MAINTENANCE_KEY_SIZE], *kept;
+    char path[PLACES_PATH_SIZE], ssid[SSID_MAX + 1], key[MAINTENANCE_KEY_SIZE], *kept;
     size_t length;
     int result;
 
@@ -186,7 +188,7 @@ static int write_lines(int fd, const char *old, const char *blanked, size_t leng
  * ";assword = x", then ";assword", then the note: wherever power fails, no half
  * password is left that would be taken for one, and the next import goes on.
  */
-int odidctl_blank_password(const char *path, const char *old, const char *blanked, size_t length)
+int password_blank(const char *path, const char *old, const char *blanked, size_t length)
 {
     int fd = open(path, O_WRONLY | O_CLOEXEC), result = fd < 0 ? -errno : 0;
 
@@ -209,7 +211,7 @@ int odidctl_blank_password(const char *path, const char *old, const char *blanke
 
 static int make(const char *data, char password[MADE_LENGTH + 1])
 {
-    char path[ODIDCTL_PATH_SIZE], line[MADE_LENGTH + 2];
+    char path[PLACES_PATH_SIZE], line[MADE_LENGTH + 2];
     uint8_t random[MADE_LENGTH];
     int result = make_secrets(data);
 
@@ -253,10 +255,10 @@ static int show(const char *data, const char *path, const char *password)
     return result;
 }
 
-int odidctl_show_made_password(const char *data, const char *directory, bool *made)
+int password_show_made(const char *data, const char *directory, bool *made)
 {
-    char path[ODIDCTL_PATH_SIZE], password[MADE_LENGTH + 1];
-    bool known = odidctl_password_known(data);
+    char path[PLACES_PATH_SIZE], password[MADE_LENGTH + 1];
+    bool known = password_known(data);
     int result = 0;
 
     *made = false;
@@ -267,7 +269,7 @@ int odidctl_show_made_password(const char *data, const char *directory, bool *ma
     }
     if (result == 0 && !known) {
         result = keep_key(data, password);
-    } else if (password[0] != '\0' && odidctl_check_password(data, password) == 0) {
+    } else if (password[0] != '\0' && password_check(data, password) == 0) {
         password[0] = '\0'; /* another one is in force */
         result = remove_file(path);
     }
@@ -275,6 +277,6 @@ int odidctl_show_made_password(const char *data, const char *directory, bool *ma
         return result;
     }
     *made = password[0] != '\0';
-    data_path(directory, ODIDCTL_PASSWORD_NAME, path);
+    data_path(directory, PASSWORD_NAME, path);
     return *made ? show(data, path, password) : remove_file(path);
 }

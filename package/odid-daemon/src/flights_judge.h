@@ -1,6 +1,6 @@
 /* What follows from a flight record: shares, and the verdict. Pure. */
-#ifndef ODID_ODIDCTL_FLIGHTS_JUDGE_H
-#define ODID_ODIDCTL_FLIGHTS_JUDGE_H
+#ifndef ODID_FLIGHTS_JUDGE_H
+#define ODID_FLIGHTS_JUDGE_H
 
 #include <stdbool.h>
 #include <stdint.h>

@@ -1,11 +1,11 @@
 /* odidctl flights: what the flight records say. */
-#ifndef ODID_ODIDCTL_FLIGHTS_H
-#define ODID_ODIDCTL_FLIGHTS_H
+#ifndef ODID_FLIGHTS_SHOW_H
+#define ODID_FLIGHTS_SHOW_H
 
 #include <stdbool.h>
 #include <stdio.h>
 
-#define ODIDCTL_FLIGHTS_DIRECTORY "/data/odid/flights"
+#define FLIGHTS_DIRECTORY "/data/odid/flights"
 
 /*
  * All records, newest first, as a table; with a number that one in detail.
@@ -13,10 +13,9 @@
  * being written. Returns 0, or 1 when something can't be read (said on stderr)
  * or there is no such record.
  */
-int odidctl_flights(FILE *out, const char *directory, const char *number, const char *boot,
-                    bool json);
+int flights_show(FILE *out, const char *directory, const char *number, const char *boot, bool json);
 
 /* The kernel's boot id; "" when it can't be read. */
-const char *odidctl_flights_boot(void);
+const char *flights_boot(void);
 
 #endif

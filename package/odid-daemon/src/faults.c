@@ -1,5 +1,7 @@
 /* What is wrong with the appliance: a file for each, with one sentence
  * (overlay/lib/odid/functions). */
+#include "faults.h"
+
 #include <dirent.h>
 #include <errno.h>
 #include <stdio.h>
@@ -8,7 +10,7 @@
 #include <unistd.h>
 
 #include "log.h"
-#include "odidctl.h"
+#include "places.h"
 #include "utf8.h"
 #include "whole_file.h"
 
@@ -22,7 +24,7 @@ static int is_fault(const struct dirent *entry)
 /* The first line, fit to be shown. Empty: it is over meanwhile. */
 static void read_sentence(const char *directory, const char *name, char out[SENTENCE_MAX])
 {
-    char path[ODIDCTL_PATH_SIZE];
+    char path[PLACES_PATH_SIZE];
     size_t length;
     char *text;
 
@@ -38,7 +40,7 @@ static void read_sentence(const char *directory, const char *name, char out[SENT
     }
 }
 
-struct json_object *odidctl_faults(const char *directory)
+struct json_object *faults_list(const char *directory)
 {
     struct json_object *faults = json_object_new_array();
     struct dirent **entries = NULL;
@@ -62,9 +64,9 @@ struct json_object *odidctl_faults(const char *directory)
     return faults;
 }
 
-void odidctl_set_fault(const char *directory, const char *name, const char *sentence)
+void faults_set(const char *directory, const char *name, const char *sentence)
 {
-    char path[ODIDCTL_PATH_SIZE], line[SENTENCE_MAX];
+    char path[PLACES_PATH_SIZE], line[SENTENCE_MAX];
     int result = 0;
 
     snprintf(path, sizeof(path), "%s/%s", directory, name);
