@@ -313,7 +313,7 @@ def applets():
 def provided():
     selected = {name.removeprefix("BR2_PACKAGE_") for name, value in options(defconfig("cm4")) if value == "y"}
     ours = [path.name.removesuffix("_main.c").replace("_", "-")
-            for path in (TOP / "package/odid-daemon/src").glob("*_main.c")]
+            for path in (TOP / "package/odid-daemon/src").glob("*/*_main.c")]
     found = applets() | set(ours)
     for package, programs in PROGRAMS.items():
         if package in selected:

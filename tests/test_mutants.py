@@ -5,13 +5,13 @@ from mutants.named import NAMED
 from mutants.places import places
 from mutants.run import Kept, put_in
 from mutants.survivors import SURVIVORS
-from mutants.trial import SOURCE
+from mutants.trial import SOURCE, named
 
 
 def test_each_named_one_changes_its_file():
     assert len({one.name for one in NAMED}) == len(NAMED) >= 25
     for mutant in (*NAMED, *(case.mutant for case in CASES)):
-        assert put_in(mutant) != (SOURCE / "src" / mutant.file).read_text()
+        assert put_in(mutant) != named(SOURCE, mutant.file).read_text()
 
 
 def test_a_verdict_holds_for_the_sources_that_it_was_found_of(tmp_path):
@@ -24,7 +24,7 @@ def test_a_verdict_holds_for_the_sources_that_it_was_found_of(tmp_path):
 
 def test_each_survivor_is_still_there():
     for one in SURVIVORS:
-        lines = [line.strip() for line in (SOURCE / "src" / one.file).read_text().splitlines()]
+        lines = [line.strip() for line in named(SOURCE, one.file).read_text().splitlines()]
         assert one.line in lines and one.before in one.line, one
 
 

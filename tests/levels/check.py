@@ -12,6 +12,7 @@ import junit
 
 # Neither holds sources of ours.
 ELSEWHERE = {".git", "build"}
+DAEMON = Path("package/odid-daemon")
 
 
 def sources() -> list[Path]:
@@ -36,11 +37,12 @@ def checks() -> list[tuple[str, list[str], list[Path]]]:
     """Name, command and the files that it is given."""
     paths = sources()
     python = [path for path in paths if path.suffix == ".py"]
+    ours = [path for path in paths if path.suffix in {".c", ".h"}]
     return [
         (
             "C formatting",
             ["clang-format", "--dry-run", "-Werror"],
-            [path for path in paths if path.suffix in {".c", ".h"}],
+            ours,
         ),
         ("shell scripts", ["shellcheck"], [path for path in paths if is_shell(path)]),
         (
@@ -53,8 +55,9 @@ def checks() -> list[tuple[str, list[str], list[Path]]]:
             "waits and durations",
             [sys.executable, "tests/levels/durations.py"],
             [path for path in python if path.parts[0] == "tests"]
-            + [path for path in paths if path.suffix in {".c", ".h"} and path.parent.name == "tests"],
+            + [path for path in ours if path.is_relative_to(DAEMON / "tests")],
         ),
+        ("rooms", [sys.executable, "tests/levels/rooms.py"], [path for path in ours if path.is_relative_to(DAEMON / "src")]),
     ]
 
 

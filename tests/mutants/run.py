@@ -30,7 +30,7 @@ from host import parts, program
 from mutants.named import NAMED
 from mutants.places import places
 from mutants.survivors import reason
-from mutants.trial import SOURCE, Workshop
+from mutants.trial import SOURCE, Workshop, named
 
 FOLDER = parts.ROOT / "build/mutants"
 WORKSHOPS = 2
@@ -75,19 +75,19 @@ class Kept:
 
 
 def changed(place):
-    text = (SOURCE / "src" / place.file).read_bytes()
+    text = named(SOURCE, place.file).read_bytes()
     return (text[:place.start] + place.after.encode() + text[place.end:]).decode()
 
 
 def put_in(mutant):
-    text = (SOURCE / "src" / mutant.file).read_text()
+    text = named(SOURCE, mutant.file).read_text()
     if text.count(mutant.before) != 1:
         raise RuntimeError(f"{mutant.name}: its text stands {text.count(mutant.before)} times in {mutant.file}")
     return text.replace(mutant.before, mutant.after)
 
 
 def line_of(place):
-    return (SOURCE / "src" / place.file).read_text().splitlines()[place.line - 1].strip()
+    return named(SOURCE, place.file).read_text().splitlines()[place.line - 1].strip()
 
 
 def asked():
@@ -95,7 +95,7 @@ def asked():
     if not count:
         return [Change((mutant.file, mutant.before, mutant.after), f"{mutant.file}: {mutant.name}", mutant.file,
                        put_in(mutant), None) for mutant in NAMED if only in mutant.name]
-    everywhere = [place for name in linked() for place in places(SOURCE / "src" / name, name)]
+    everywhere = [place for name in linked() for place in places(named(SOURCE, name), name)]
     chance = random.Random(int(os.environ.get("SEED") or 1))
     # Drawn one after the other: a larger number holds the smaller one's.
     chance.shuffle(everywhere)

@@ -17,6 +17,12 @@ FAILED_UNIT = re.compile(r"^\s*\d+ - (\w+) ", re.M)
 FAILED_TEST = re.compile(r"^(?:FAILED|ERROR) (\S+)", re.M)
 
 
+def named(source, file):
+    """Where it lies: a source's name is its own in all folders."""
+    (path,) = (source / "src").rglob(file)
+    return path
+
+
 class Workshop:
     """A copy of the daemon's sources, with the build that ships and the one of the unit tests."""
 
@@ -58,13 +64,13 @@ class Workshop:
     def _object(self, file):
         """What the compiler makes of it for the build that ships. None: nothing."""
         library = "odid-daemon" if file.endswith("_main.c") else "odid"
-        path = self.shipped / f"CMakeFiles/{library}.dir/src/{file}.o"
+        path = self.shipped / f"CMakeFiles/{library}.dir" / f"{named(self.source, file).relative_to(self.source)}.o"
         return path.read_bytes() if self._build(self.shipped, library) else None
 
     @contextlib.contextmanager
     def changed(self, file, text):
         """What ships is built with that text of the file, for so long."""
-        path = self.source / "src" / file
+        path = named(self.source, file)
         before = path.read_text()
         try:
             path.write_text(text)
@@ -77,7 +83,7 @@ class Workshop:
 
     def judge(self, file, text):
         """(verdict, which test or why) of that source with this text."""
-        path, untouched = self.source / "src" / file, (SOURCE / "src" / file).read_text()
+        path, untouched = named(self.source, file), named(SOURCE, file).read_text()
         before = self._object(file)
         try:
             path.write_text(text)

@@ -26,7 +26,7 @@ def test_each_country_that_can_be_set_has_rules():
     octets = database.read_bytes()
     assert octets[:4] == b"RGDB"
     known = {country.decode() for country, rules in struct.iter_unpack(">2sH", octets[8:8 + 4 * 300]) if country.isalpha()}
-    source = (ROOT / "package/odid-daemon/src/config_appliance.c").read_text()
+    source = (ROOT / "package/odid-daemon/src/config/config_appliance.c").read_text()
     ours = set(re.search(r'countries\[\] =((?:\s*"[A-Z ]*")+);', source)[1].replace('"', " ").split())
     assert len(ours) > 150 and ours <= known
 
@@ -61,9 +61,9 @@ def test_root_follows_no_name_in_the_daemon_s_folder():
     odidctl, which doesn't follow one either."""
     ours = [path for path in OVERLAY.rglob("*") if path.is_file() and not path.is_symlink()]
     assert not [str(path) for path in ours if re.search(r"/run/odid/", path.read_text(errors="replace"))]
-    programs = (ROOT / "package/odid-daemon/src").glob("odid_*_main.c")
+    programs = (ROOT / "package/odid-daemon/src").glob("*/odid_*_main.c")
     assert not [str(path) for path in programs if re.search(r'RUN_DIR "/(?!run/odid")|"/run/odid/', path.read_text())]
-    marks = (ROOT / "package/odid-daemon/src/appliance_marks.h").read_text()
+    marks = (ROOT / "package/odid-daemon/src/appliance/appliance_marks.h").read_text()
     (updating,) = re.findall(r'#define APPLIANCE_UPDATING "(/run/odid-appliance/\w+)"', marks)
     assert f": >{updating} " in (OVERLAY / "etc/init.d/S10disk").read_text()
 

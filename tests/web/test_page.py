@@ -23,11 +23,11 @@ SILENT = '{"required":true,"first":4.4,"heard":1900.0,"silent_s":7.2,"longest_ga
 
 def refusals():
     """Every sentence that the appliance has for a bundle it doesn't take, with something for its variables."""
-    offer = (ROOT / "package/odid-daemon/src/update_offer.c").read_text()
+    offer = (ROOT / "package/odid-daemon/src/appliance/update_offer.c").read_text()
     gate = [re.sub(r'"\s*"', "", re.sub(r'"\s*PRIu64\s*"', "s", one)).strip().strip('"') for one in
             re.findall(r'refuse\(why, size,\s*((?:"[^"]*"|\s|PRIu64)+)', offer)]
     assert len(gate) == 12
-    installer = re.findall(r'\{"[^"]+", "([^"]+)"\}', (ROOT / "package/odid-daemon/src/update_installer.c").read_text())
+    installer = re.findall(r'\{"[^"]+", "([^"]+)"\}', (ROOT / "package/odid-daemon/src/update/update_installer.c").read_text())
     return [f"The update was refused: {re.sub(r'[$]{.+?}|[$][a-z_]+|%s', '1.3.0', sentence)}"
             for sentence in dict.fromkeys(gate + installer)]
 

@@ -8,7 +8,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-#include "update_bundle.h"
+#include "appliance/update_bundle.h"
 
 #include "on_air.h"
 

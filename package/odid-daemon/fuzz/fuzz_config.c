@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "config.h"
-#include "utf8.h"
+#include "base/utf8.h"
+#include "config/config.h"
 
 #define REQUIRE(condition)                                                                         \
     do {                                                                                           \

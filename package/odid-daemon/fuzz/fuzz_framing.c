@@ -4,7 +4,7 @@
  *
  * An input is the octets themselves.
  */
-#include "framing.h"
+#include "mavlink/framing.h"
 
 #include "input.h"
 #include "on_air.h"

@@ -17,14 +17,14 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include "bluetooth.h"
-#include "bluetooth_commands.h"
+#include "base/loop.h"
+#include "base/serial.h"
+#include "daemon/bluetooth.h"
 #include "input.h"
-#include "loop.h"
 #include "on_air.h"
 #include "quiet_log.h"
+#include "radio/bluetooth_commands.h"
 #include "rounds.h"
-#include "serial.h"
 
 #define STEPS_MAX 100 /* of an input: the rest would only be more of the same */
 

@@ -16,14 +16,14 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include "base/loop.h"
 #include "input.h"
-#include "loop.h"
 #include "on_air.h"
 #include "quiet_log.h"
 #include "rounds.h"
 
 /* Its state must start afresh for each input, which the daemon never needs. */
-#include "../src/wifi_beacon.c"
+#include "../src/daemon/wifi_beacon.c"
 
 #define SET_LENGTH (sizeof(SET_REQUEST) - 1)
 

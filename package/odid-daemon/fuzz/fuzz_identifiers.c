@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "identifiers.h"
+#include "config/identifiers.h"
 
 #define REQUIRE(condition)                                                                         \
     do {                                                                                           \

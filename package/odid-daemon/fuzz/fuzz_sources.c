@@ -13,10 +13,10 @@
  */
 #include <limits.h>
 
+#include "daemon/telemetry.h"
 #include "frames.h"
 #include "input.h"
 #include "on_air.h"
-#include "telemetry.h"
 
 #define VEHICLE 1
 #define START_US INT64_C(1000000000)

@@ -9,11 +9,11 @@
  *   a frame:   message, sender, payload length, payload; the checksum is
  *              written here, which no fuzzer would find by itself
  */
+#include "daemon/schedule.h"
+#include "daemon/telemetry.h"
 #include "frames.h"
 #include "input.h"
 #include "on_air.h"
-#include "schedule.h"
-#include "telemetry.h"
 
 #define START_US INT64_C(1000000000)
 

@@ -10,7 +10,7 @@
 #include <string.h>
 
 #include "on_air.h"
-#include "web_request.h"
+#include "web/web_request.h"
 
 static char text[8192], *rest;
 

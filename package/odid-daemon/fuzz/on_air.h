@@ -11,7 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "messages.h"
+#include "daemon/messages.h"
 
 #define MUST(rule)                                                                                 \
     do {                                                                                           \

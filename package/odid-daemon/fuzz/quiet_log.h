@@ -8,7 +8,7 @@
 #include <stdarg.h>
 #include <stdio.h>
 
-#include "log.h"
+#include "base/log.h"
 
 #define QUIET(name)                                                                                \
     void name(const char *format, ...)                                                             \

@@ -2,7 +2,7 @@
 #ifndef ODID_FUZZ_ROUNDS_H
 #define ODID_FUZZ_ROUNDS_H
 
-#include "loop.h"
+#include "base/loop.h"
 #include "on_air.h"
 
 static struct loop_timer rounds_timer;

@@ -7,7 +7,7 @@
 
 #include "simulated_time.h"
 
-#include "bluetooth.h"
+#include "daemon/bluetooth.h"
 #include "fake_controller.h"
 #include "loop_until.h"
 

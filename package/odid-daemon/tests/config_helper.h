@@ -15,7 +15,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "config_keys.h"
+#include "config/config_keys.h"
 
 #define COUNT(array) (sizeof(array) / sizeof((array)[0]))
 

@@ -20,7 +20,7 @@
 #include <termios.h>
 #include <unistd.h>
 
-#include "loop.h"
+#include "base/loop.h"
 
 #define FAKES_MAX 2
 

@@ -13,7 +13,7 @@
 #include <sys/un.h>
 #include <unistd.h>
 
-#include "loop.h"
+#include "base/loop.h"
 
 struct fake_hostapd {
     struct loop_watch watch;

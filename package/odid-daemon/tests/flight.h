@@ -10,7 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "aircraft.h"
+#include "daemon/aircraft.h"
 
 #define MS INT64_C(1000)
 #define SECOND INT64_C(1000000)

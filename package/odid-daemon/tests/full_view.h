@@ -5,7 +5,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "aircraft.h"
+#include "daemon/aircraft.h"
 
 static inline struct aircraft_view full_view(void)
 {

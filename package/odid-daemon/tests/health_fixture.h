@@ -5,8 +5,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "health.h"
-#include "messages.h"
+#include "daemon/health.h"
+#include "daemon/messages.h"
 
 #define NOW INT64_C(100000000)
 

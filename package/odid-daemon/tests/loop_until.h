@@ -14,7 +14,7 @@
 #include <stdint.h>
 #include <stdlib.h>
 
-#include "loop.h"
+#include "base/loop.h"
 #include "patience.h"
 
 #ifndef TIME_IS_SIMULATED /* simulated_time.h comes first */

@@ -5,9 +5,9 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "recorder.h"
-#include "recorder_read.h"
-#include "recorder_text.h"
+#include "flights/recorder_read.h"
+#include "flights/recorder_text.h"
+#include "recorder/recorder.h"
 
 #define SECOND INT64_C(1000000)
 #define BOOT "11111111-2222-3333-4444-555555555555"

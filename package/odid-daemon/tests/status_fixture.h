@@ -2,10 +2,10 @@
 #ifndef ODID_STATUS_FIXTURE_H
 #define ODID_STATUS_FIXTURE_H
 
-#include "asking.h"
+#include "base/loop.h"
+#include "daemon/asking.h"
+#include "daemon/status_json.h"
 #include "health_fixture.h"
-#include "loop.h"
-#include "status_json.h"
 
 static struct telemetry_counters counters;
 static struct asking asking;

@@ -2,8 +2,8 @@
 #ifndef ODID_TESTS_TELEMETRY_RECORDER_H
 #define ODID_TESTS_TELEMETRY_RECORDER_H
 
+#include "daemon/telemetry.h"
 #include "mavlink_frames.h"
-#include "telemetry.h"
 
 #define VEHICLE 7
 #define OTHER_VEHICLE 9

@@ -1,0 +1,27 @@
+/* Is the aircraft armed? By what the daemon says and what it keeps. */
+#ifndef ODID_ARMED_H
+#define ODID_ARMED_H
+
+#include <json-c/json_object.h>
+#include <stdbool.h>
+
+#include "appliance/kept.h"
+#include "appliance/places.h"
+
+enum armed { ARMED_NO, ARMED_YES, ARMED_UNKNOWN };
+
+/* What the daemon itself says in that; NULL says nothing. */
+bool armed_says(struct json_object *status);
+
+/*
+ * NULL when the aircraft is disarmed; else why that can't be said, for people: to
+ * begin a sentence. By what the daemon keeps (kept.h): one that was lost after
+ * arming is armed, one never heard since power-on isn't. A daemon that gives no
+ * answer for two seconds never says disarmed.
+ */
+const char *armed_not_disarmed(const struct places *places);
+
+/* The same, with what it keeps: all zeros where nothing is. */
+enum armed armed_look(const char *run_dir, struct kept *kept);
+
+#endif

@@ -1,0 +1,414 @@
+#include "daemon/aircraft.h"
+
+#include <common/mavlink.h>
+#include <math.h>
+#include <opendroneid.h>
+#include <string.h>
+
+#include "config/identifiers.h"
+#include "daemon/aircraft_state.h"
+
+#define SAME_FLIGHT_US 60000000
+#define CRASH_DISARMS_US 10000000
+
+struct aircraft *aircraft_init(const struct config *config, int64_t start_us)
+{
+    static struct aircraft aircraft;
+
+    memset(&aircraft, 0, sizeof(aircraft));
+    aircraft.config = config;
+    aircraft.start_us = start_us;
+    aircraft.heartbeat_us = INT64_MIN;
+    arming_init(&aircraft.arming, false);
+    aircraft.landed_us = aircraft.in_air_us = aircraft.crashed_us = INT64_MIN;
+    aircraft.landed_no_us = aircraft.lies_us = INT64_MIN;
+    aircraft_forget_receivers(&aircraft);
+    aircraft.armed_ended_us = aircraft.auth_said_us = aircraft.unheard_us = INT64_MIN;
+    aircraft.separation_m = NAN;
+    aircraft.telemetry.fix_us = aircraft.position_boot_us = INT64_MIN;
+    aircraft.waiting_position.came_us = aircraft.waiting_time.came_us = INT64_MIN;
+    aircraft.native.fix_us = INT64_MIN;
+    aircraft.native_location.said_us = INT64_MIN;
+    aircraft.native_rated_us = aircraft.native_behind_us = INT64_MIN;
+    aircraft.telemetry_rate.last_us = aircraft.native_rate.last_us = INT64_MIN;
+    for (enum aircraft_speaker i = 0; i < AIRCRAFT_SPEAKERS; i++) {
+        aircraft_forget_speaker(&aircraft, i);
+    }
+    return &aircraft;
+}
+
+/* ---- before a restart of ours ---- */
+
+const struct kept_takeoff *aircraft_takeoff(const struct aircraft *aircraft)
+{
+    return &aircraft->takeoff;
+}
+
+void aircraft_restore_armed(struct aircraft *aircraft, bool armed)
+{
+    arming_init(&aircraft->arming, armed);
+    aircraft->armed = armed;
+}
+
+void aircraft_restore_vertical(struct aircraft *aircraft, bool inverted)
+{
+    vertical_restore(&aircraft->vertical, inverted);
+}
+
+void aircraft_restore_fix(struct aircraft *aircraft, bool fix_known, int64_t now_us)
+{
+    if (!fix_known) {
+        aircraft->start_us = now_us - AIRCRAFT_FRESH_US;
+        return;
+    }
+    aircraft->receiver[0] = (struct aircraft_receiver){.said_us = now_us,
+                                                       .fix_type = GPS_FIX_TYPE_2D_FIX,
+                                                       .latitude_deg = NAN,
+                                                       .longitude_deg = NAN,
+                                                       .horizontal_accuracy_m = NAN,
+                                                       .vertical_accuracy_m = NAN,
+                                                       .speed_accuracy_mps = NAN};
+}
+
+void aircraft_restore_takeoff(struct aircraft *aircraft, const struct kept_takeoff *takeoff)
+{
+    aircraft->kept_takeoff = *takeoff;
+    if (aircraft->armed) {
+        aircraft->takeoff = *takeoff;
+    }
+}
+
+/* ---- heartbeat ---- */
+
+/* What another vehicle must not inherit; its UTC and our configuration stay, and so does armed:
+ * that ends as always. */
+static void forget_vehicle(struct aircraft *aircraft)
+{
+    struct autopilot_clock clock = aircraft->clock;
+    struct arming arming = aircraft->arming;
+    const struct config *config = aircraft->config;
+    int64_t start_us = aircraft->start_us;
+
+    autopilot_clock_new_boot(&clock);
+    aircraft_init(config, start_us);
+    aircraft->clock = clock;
+    aircraft->arming = arming;
+    aircraft->armed = arming.armed;
+    aircraft->boot_seen = clock.restarts;
+}
+
+/* What an autopilot said before it restarted isn't its word any more. The place where the aircraft
+ * took off, and that it is armed, are our own. */
+static void forget_before_restart(struct aircraft *aircraft)
+{
+    if (aircraft->boot_seen == aircraft->clock.restarts) {
+        return;
+    }
+    aircraft->boot_seen = aircraft->clock.restarts;
+    aircraft_forget_receivers(aircraft);
+    aircraft->waiting_position.came_us = aircraft->waiting_time.came_us = INT64_MIN;
+    aircraft->native_rated_us = INT64_MIN;
+    aircraft->native_location.said_us = INT64_MIN;
+    aircraft->landed_us = aircraft->in_air_us = aircraft->crashed_us = INT64_MIN;
+    aircraft->landed_no_us = aircraft->lies_us = INT64_MIN;
+    aircraft->landed_wrong = false;
+    memset(aircraft->native_basic_id, 0, sizeof(aircraft->native_basic_id));
+    aircraft->auth_received = 0;
+    aircraft_forget_speaker(aircraft, AIRCRAFT_SPEAKER_VEHICLE);
+}
+
+/* Armed again so soon, and in the air: it is the same flight. */
+static bool took_off_just_before(const struct aircraft *aircraft, int64_t now_us)
+{
+    return aircraft->takeoff.known && aircraft->armed_ended_us != INT64_MIN &&
+           now_us - aircraft->armed_ended_us < SAME_FLIGHT_US;
+}
+
+static void take_heartbeat(struct aircraft *aircraft, const struct telemetry_update *update,
+                           int64_t now_us)
+{
+    bool says_armed = update->heartbeat.base_mode & MAV_MODE_FLAG_SAFETY_ARMED;
+    bool flying, armed, first;
+
+    if (update->heartbeat.new_vehicle) {
+        forget_vehicle(aircraft);
+    }
+    aircraft_watch_landed_state(aircraft, now_us);
+    flying = aircraft_is_flying(aircraft, now_us);
+    armed = arming_take(&aircraft->arming, says_armed, update->heartbeat.doubtful, flying, now_us);
+    first = aircraft->heartbeat_us == INT64_MIN;
+    if (first && armed) {
+        aircraft_begin_flight(aircraft, false, now_us);
+        aircraft->takeoff = aircraft->kept_takeoff;
+    } else if (armed && !aircraft->armed && !(flying && took_off_just_before(aircraft, now_us))) {
+        /* After a silence it may be in the air long since: this is not where it took off. */
+        aircraft_begin_flight(aircraft, aircraft_fresh(aircraft->heartbeat_us, now_us), now_us);
+    }
+    if (aircraft->armed && !armed) {
+        aircraft->armed_ended_us = now_us;
+    }
+    aircraft->flies_unheard = false;
+    aircraft->says_disarmed = !says_armed && !update->heartbeat.doubtful;
+    aircraft->armed = armed;
+    aircraft->heartbeat_us = now_us;
+    aircraft->simulated = update->heartbeat.base_mode & MAV_MODE_FLAG_HIL_ENABLED;
+    aircraft->mav_type = update->heartbeat.mav_type;
+    aircraft->autopilot = update->heartbeat.autopilot;
+    /* The text counts with what a crash brings: some only say it, and fly on. */
+    if (says_armed && aircraft->crashed_us != INT64_MIN &&
+        now_us - aircraft->crashed_us > CRASH_DISARMS_US) {
+        aircraft->crashed_us = INT64_MIN;
+    }
+    if (!aircraft->doubtful) {
+        aircraft->doubtful_us = now_us;
+    }
+    aircraft->doubtful = update->heartbeat.doubtful;
+    /* Where two take turns, one word alone changes nothing. */
+    if (!aircraft->doubtful || aircraft->said_status == update->heartbeat.system_status) {
+        aircraft->system_status = update->heartbeat.system_status;
+    }
+    aircraft->said_status = update->heartbeat.system_status;
+    aircraft_look_for_takeoff(aircraft, now_us);
+}
+
+/* Its HEARTBEATs may be lost, or kept from us: an old "disarmed" doesn't stand in the air. */
+static void look_whether_it_flies(struct aircraft *aircraft, int64_t now_us)
+{
+    int64_t since_us =
+        aircraft->heartbeat_us == INT64_MIN ? aircraft->start_us : aircraft->heartbeat_us;
+    bool flies = !aircraft->armed && !aircraft_fresh(since_us, now_us) &&
+                 aircraft_is_flying(aircraft, now_us);
+
+    /* After a silence of everything its HEARTBEAT is the next thing that comes. */
+    aircraft->unheard_us = !flies                              ? INT64_MIN
+                           : aircraft->unheard_us == INT64_MIN ? now_us
+                                                               : aircraft->unheard_us;
+    if (!flies || aircraft_fresh(aircraft->unheard_us, now_us)) {
+        return;
+    }
+    arming_flies(&aircraft->arming);
+    aircraft->armed = aircraft->flies_unheard = true;
+    if (!took_off_just_before(aircraft, now_us)) {
+        aircraft_begin_flight(aircraft, false, now_us);
+    }
+}
+
+/* ---- native static messages ---- */
+
+/* One of each type: a serial number comes first, and any other type has the place that is free, or
+ * of one that isn't said any more. -1: there is none, and who was there first stays. */
+static int place_of_id(const struct aircraft *aircraft, uint8_t id_type, int64_t now_us)
+{
+    const struct aircraft_native_id *ids = aircraft->native_basic_id;
+
+    if (id_type == ODID_IDTYPE_SERIAL_NUMBER) {
+        return 0;
+    }
+    for (int i = 0; i < 2; i++) {
+        if (ids[i].id_type == id_type) {
+            return i;
+        }
+    }
+    for (int i = 1; i >= 0; i--) {
+        if (ids[i].id_type == ODID_IDTYPE_NONE) {
+            return i;
+        }
+    }
+    for (int i = 1; i >= 0; i--) {
+        if (aircraft_id_is_corrected(&ids[i], now_us)) {
+            return i;
+        }
+    }
+    return -1;
+}
+
+static void take_basic_id(struct aircraft *aircraft, const struct telemetry_update *update,
+                          int64_t now_us)
+{
+    struct aircraft_native_id *native;
+    int slot;
+
+    /* Once the vehicle says who it is, nothing stands that somebody else has said of it. */
+    for (unsigned i = 0; !update->by_another && i < 2; i++) {
+        if (aircraft->basic_id_by_another[i]) {
+            memset(&aircraft->native_basic_id[i], 0, sizeof(aircraft->native_basic_id[i]));
+            aircraft->basic_id_by_another[i] = false;
+        }
+    }
+    slot = place_of_id(aircraft, update->basic_id.id_type, now_us);
+    if (slot < 0) {
+        return;
+    }
+    native = &aircraft->native_basic_id[slot];
+    aircraft->basic_id_by_another[slot] = update->by_another;
+    memcpy(native, &update->basic_id, sizeof(update->basic_id));
+    native->said_us = now_us;
+    if (native->id_type == ODID_IDTYPE_CAA_REGISTRATION_ID) {
+        identifiers_remove_secrets(native->uas_id);
+    }
+}
+
+static bool same_page(const struct aircraft_auth_page *a, const struct aircraft_auth_page *b)
+{
+    bool same = a->type == b->type && memcmp(a->data, b->data, sizeof(a->data)) == 0;
+
+    if (a->page == 0) { /* the other fields are page 0's */
+        same = same && a->last_page == b->last_page && a->length == b->length &&
+               a->timestamp_2019_s == b->timestamp_2019_s;
+    }
+    return same;
+}
+
+/*
+ * A new page 0, or another page that changed, begins another Authentication
+ * message, whose pages count only when all of them have come.
+ */
+static void take_authentication(struct aircraft *aircraft, const struct telemetry_update *update,
+                                int64_t now_us)
+{
+    struct aircraft_auth_page page = {
+        .type = update->authentication.type,
+        .page = update->authentication.page,
+        .last_page = update->authentication.last_page,
+        .length = update->authentication.length,
+        .timestamp_2019_s = update->authentication.timestamp_2019_s,
+    };
+    bool have, same;
+
+    if (page.page >= TELEMETRY_AUTH_PAGES || page.last_page >= TELEMETRY_AUTH_PAGES) {
+        return;
+    }
+    if (aircraft->auth_by_another && !update->by_another) {
+        aircraft->auth_received = 0; /* from now on they are the vehicle's own */
+    }
+    aircraft->auth_by_another = update->by_another;
+    aircraft->auth_said_us = now_us;
+    memcpy(page.data, update->authentication.data, sizeof(page.data));
+    have = aircraft->auth_received >> page.page & 1;
+    same = have && same_page(&page, &aircraft->auth[page.page]);
+    if (!same && (have || page.page == 0)) {
+        aircraft->auth_received = 0;
+    }
+    aircraft->auth[page.page] = page;
+    aircraft->auth_received |= 1U << page.page;
+}
+
+static void take_global_position(struct aircraft *aircraft, const struct telemetry_update *update,
+                                 int64_t now_us)
+{
+    bool restarted;
+    int64_t stamped_us =
+        autopilot_clock_boot(&aircraft->clock, update->global_position.boot_ms, now_us, &restarted);
+
+    forget_before_restart(aircraft);
+    if (aircraft_take_global_position(aircraft, update, stamped_us, now_us)) {
+        aircraft_look_for_takeoff(aircraft, now_us);
+    }
+}
+
+static void take_system_time(struct aircraft *aircraft, const struct telemetry_update *update,
+                             int64_t now_us)
+{
+    bool fix_known = aircraft_fix_known(aircraft, now_us);
+
+    autopilot_clock_utc(&aircraft->clock, update->system_time.unix_us, update->system_time.boot_ms,
+                        fix_known, now_us);
+    forget_before_restart(aircraft);
+    if (!fix_known) {
+        aircraft->waiting_time = (struct aircraft_waiting){*update, now_us, now_us};
+        aircraft_keep_waiting(aircraft, &aircraft->waiting_time, now_us);
+    }
+}
+
+/* A fix may be known now: what came a moment ago, in the same burst, counts with it. */
+static void confirm(struct aircraft *aircraft, int64_t now_us)
+{
+    struct aircraft_waiting *time = &aircraft->waiting_time;
+
+    if (!aircraft_fix_known(aircraft, now_us)) {
+        return;
+    }
+    if (aircraft_waits(time, now_us)) {
+        autopilot_clock_utc(&aircraft->clock, time->update.system_time.unix_us,
+                            time->update.system_time.boot_ms, true, now_us);
+    }
+    time->came_us = INT64_MIN;
+    if (aircraft_confirm_position(aircraft, now_us)) {
+        aircraft_look_for_takeoff(aircraft, now_us);
+    }
+}
+
+static void take_landed_state(struct aircraft *aircraft, uint8_t landed_state, int64_t now_us)
+{
+    if (landed_state != aircraft->landed_state) {
+        aircraft->landed_wrong = false;
+        aircraft->landed_no_us = INT64_MIN;
+    }
+    aircraft->landed_us = now_us;
+    aircraft->landed_state = landed_state;
+    if (landed_state == MAV_LANDED_STATE_IN_AIR || landed_state == MAV_LANDED_STATE_TAKEOFF ||
+        landed_state == MAV_LANDED_STATE_LANDING) {
+        aircraft->in_air_us = now_us;
+    }
+    aircraft_look_for_takeoff(aircraft, now_us);
+}
+
+void aircraft_update(struct aircraft *aircraft, const struct telemetry_update *update,
+                     int64_t now_us)
+{
+    switch (update->kind) {
+    case TELEMETRY_HEARTBEAT:
+        take_heartbeat(aircraft, update, now_us);
+        break;
+    case TELEMETRY_SYSTEM_TIME:
+        take_system_time(aircraft, update, now_us);
+        break;
+    case TELEMETRY_GPS_RAW:
+    case TELEMETRY_GPS2_RAW:
+        aircraft_take_gps_raw(aircraft, update, now_us);
+        confirm(aircraft, now_us);
+        break;
+    case TELEMETRY_GLOBAL_POSITION:
+        take_global_position(aircraft, update, now_us);
+        break;
+    case TELEMETRY_HOME:
+        aircraft_take_home(aircraft, update);
+        break;
+    case TELEMETRY_LANDED_STATE:
+        take_landed_state(aircraft, update->landed_state, now_us);
+        break;
+    case TELEMETRY_CLIMB:
+        vertical_climb(&aircraft->vertical, update->climb_mps);
+        break;
+    case TELEMETRY_CRASHED:
+        /* What lies there disarmed doesn't crash: such a text is somebody else's. */
+        if (aircraft->armed) {
+            aircraft->crashed_us = now_us;
+        }
+        break;
+    case TELEMETRY_BASIC_ID:
+        take_basic_id(aircraft, update, now_us);
+        break;
+    case TELEMETRY_LOCATION:
+        if (aircraft_take_location(aircraft, update, now_us)) {
+            aircraft_look_for_takeoff(aircraft, now_us);
+        }
+        break;
+    case TELEMETRY_AUTHENTICATION:
+        take_authentication(aircraft, update, now_us);
+        break;
+    case TELEMETRY_SELF_ID:
+        aircraft_take_self_id(aircraft, update, now_us);
+        break;
+    case TELEMETRY_SYSTEM:
+    case TELEMETRY_SYSTEM_UPDATE:
+        aircraft_take_system(aircraft, update, now_us);
+        break;
+    case TELEMETRY_OPERATOR_ID:
+        aircraft_take_operator_id(aircraft, update, now_us);
+        break;
+    case TELEMETRY_COMMAND_ACK: /* asking.h's */
+        break;
+    }
+    look_whether_it_flies(aircraft, now_us);
+}

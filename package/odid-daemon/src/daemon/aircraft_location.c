@@ -1,0 +1,273 @@
+/* The Location to broadcast: position, motion and status, each from the source that knows best. */
+#include <common/mavlink.h>
+#include <math.h>
+#include <opendroneid.h>
+
+#include "daemon/aircraft_state.h"
+
+/* Below this speed the course over ground is noise. */
+#define COURSE_MIN_MPS 0.3
+/* The native altitudes are those of telemetry, but for the weather between two instants and in the
+ * pressure: what differs by more is above something else. */
+#define ALTITUDES_DIFFER_M 15.0
+#define CLIMBS_MPS 5.0
+#define PRESSURE_DIFFERS_M 1500.0
+/* A Location timestamp says when within the hour: an older position can't be dated any more. */
+#define POSITION_KEPT_US INT64_C(3590000000)
+
+/* ---- position ---- */
+
+static double hour_seconds_at(const struct aircraft *aircraft, int64_t at_us)
+{
+    if (!aircraft->clock.utc_known) {
+        return NAN;
+    }
+    return (double)(autopilot_clock_unix_us(&aircraft->clock, at_us) % INT64_C(3600000000)) * 1e-6;
+}
+
+static uint8_t accuracy_code(double value, int (*code)(float))
+{
+    return isnan(value) ? 0 : (uint8_t)code((float)value);
+}
+
+static int horizontal_code(float accuracy_m)
+{
+    return createEnumHorizontalAccuracy(accuracy_m);
+}
+
+static int vertical_code(float accuracy_m)
+{
+    return createEnumVerticalAccuracy(accuracy_m);
+}
+
+static int speed_code(float accuracy_mps)
+{
+    return createEnumSpeedAccuracy(accuracy_mps);
+}
+
+/* Is what the native LOCATION has another one than telemetry's? */
+static bool native_differs(const struct aircraft *aircraft, double native_m, double telemetry_m)
+{
+    const struct aircraft_fix *native = &aircraft->native, *telemetry = &aircraft->telemetry;
+    double apart_s = fabs((double)(telemetry->fix_us - native->fix_us)) * 1e-6;
+    double climbs_mps = CLIMBS_MPS + fabs(telemetry->vertical_speed_mps);
+
+    return fabs(native_m - telemetry_m) > ALTITUDES_DIFFER_M + climbs_mps * apart_s;
+}
+
+void aircraft_compare_altitudes(struct aircraft *aircraft, int64_t now_us)
+{
+    double native_height_m = aircraft->native_location.counted.location.height_m;
+
+    if (!aircraft_fresh(aircraft->native.fix_us, now_us) ||
+        !aircraft_fresh(aircraft->telemetry.fix_us, now_us)) {
+        return;
+    }
+    aircraft->altitudes_differ =
+        native_differs(aircraft, aircraft_geodetic_m(aircraft, &aircraft->native),
+                       aircraft_geodetic_m(aircraft, &aircraft->telemetry));
+    aircraft->heights_differ =
+        native_differs(aircraft, native_height_m, aircraft_height_m(aircraft));
+}
+
+bool aircraft_altitudes_differ(const struct aircraft *aircraft, int64_t now_us)
+{
+    return aircraft->altitudes_differ && aircraft_fresh(aircraft->native.fix_us, now_us);
+}
+
+static bool native_height_counts(const struct aircraft *aircraft)
+{
+    return aircraft->native_location.counted.location.height_reference ==
+               MAV_ODID_HEIGHT_REF_OVER_GROUND ||
+           !aircraft->heights_differ;
+}
+
+/*
+ * Each field comes from the source whose position it is, and from the other one
+ * where that doesn't know it.
+ */
+static void fill_from_telemetry(const struct aircraft *aircraft, int64_t now_us,
+                                struct aircraft_location *out)
+{
+    const struct aircraft_receiver *receiver = aircraft_receiver(aircraft, now_us);
+    bool apart = aircraft_altitude_is_apart(aircraft, &aircraft->telemetry, now_us);
+
+    if (isnan(out->altitude_geodetic_m) && !apart) {
+        out->altitude_geodetic_m = aircraft_geodetic_m(aircraft, &aircraft->telemetry);
+    }
+    if (isnan(out->height_m) && !apart) {
+        out->height_m = aircraft_height_m(aircraft);
+        out->height_above_ground = false;
+    }
+    /* Accuracies go with the fix: a filter that coasts has others, and a place of before has not
+     * the receiver's of now. */
+    if (receiver == NULL || !aircraft_fresh(aircraft->telemetry.fix_us, now_us)) {
+        return;
+    }
+    if (out->horizontal_accuracy == 0) {
+        out->horizontal_accuracy = accuracy_code(receiver->horizontal_accuracy_m, horizontal_code);
+    }
+    if (out->vertical_accuracy == 0) {
+        out->vertical_accuracy = accuracy_code(receiver->vertical_accuracy_m, vertical_code);
+    }
+}
+
+static void fill_from_native(const struct aircraft *aircraft, int64_t now_us,
+                             struct aircraft_location *out)
+{
+    const struct aircraft_native_location *native = &aircraft->native_location;
+    bool apart = aircraft_altitude_is_apart(aircraft, &aircraft->native, now_us);
+
+    out->altitude_barometric_m = native->altitude_barometric_m; /* telemetry has none */
+    out->barometer_accuracy = native->counted.location.barometer_accuracy;
+    if (isnan(out->altitude_geodetic_m) && !apart && !aircraft->altitudes_differ) {
+        out->altitude_geodetic_m = native->altitude_geodetic_m;
+    }
+    if (isnan(out->height_m) && native_height_counts(aircraft)) {
+        out->height_m = native->counted.location.height_m;
+        out->height_above_ground =
+            native->counted.location.height_reference == MAV_ODID_HEIGHT_REF_OVER_GROUND;
+    }
+    if (!aircraft_fix_known(aircraft, now_us) || !aircraft_fresh(aircraft->native.fix_us, now_us)) {
+        return;
+    }
+    if (out->horizontal_accuracy == 0) {
+        out->horizontal_accuracy = native->counted.location.horizontal_accuracy;
+    }
+    if (out->vertical_accuracy == 0) {
+        out->vertical_accuracy = native->counted.location.vertical_accuracy;
+    }
+}
+
+static void view_telemetry_position(const struct aircraft *aircraft, int64_t now_us,
+                                    struct aircraft_location *out)
+{
+    out->position_source = SOURCE_TELEMETRY;
+    out->timestamp_s = hour_seconds_at(aircraft, aircraft->telemetry.fix_us);
+    fill_from_telemetry(aircraft, now_us, out);
+    /* While its own position counts: what is said of now doesn't belong to a place of before. */
+    if (aircraft_fresh(aircraft->native.fix_us, now_us)) {
+        fill_from_native(aircraft, now_us, out);
+    }
+}
+
+static void view_native_position(const struct aircraft *aircraft, int64_t now_us,
+                                 struct aircraft_location *out)
+{
+    const struct aircraft_native_location *native = &aircraft->native_location;
+
+    out->position_source = SOURCE_NATIVE;
+    if (native->instant_known) {
+        out->timestamp_s = hour_seconds_at(aircraft, aircraft->native.fix_us);
+        out->timestamp_accuracy = native->counted.location.timestamp_accuracy;
+    }
+    fill_from_native(aircraft, now_us, out);
+    if (aircraft_fresh(aircraft->telemetry.fix_us, now_us)) {
+        fill_from_telemetry(aircraft, now_us, out);
+    }
+}
+
+static void view_position(const struct aircraft *aircraft, int64_t now_us,
+                          struct aircraft_location *out)
+{
+    const struct aircraft_fix *fix = aircraft_best_fix(aircraft, now_us);
+
+    out->position_fresh = fix != NULL;
+    if (fix == NULL && !isnan(aircraft->config->bench_latitude_deg)) {
+        out->position_source = SOURCE_CONFIGURATION;
+        out->latitude_deg = aircraft->config->bench_latitude_deg;
+        out->longitude_deg = aircraft->config->bench_longitude_deg;
+        return;
+    }
+    if (fix == NULL) {
+        fix = aircraft_last_fix(aircraft);
+    }
+    if (fix == NULL || now_us - fix->fix_us > POSITION_KEPT_US) {
+        return;
+    }
+    out->fix_us = fix->fix_us;
+    out->latitude_deg = fix->latitude_deg;
+    out->longitude_deg = fix->longitude_deg;
+    if (fix == &aircraft->native) {
+        view_native_position(aircraft, now_us, out);
+    } else {
+        view_telemetry_position(aircraft, now_us, out);
+    }
+    if (fabs(out->altitude_barometric_m - out->altitude_geodetic_m) > PRESSURE_DIFFERS_M) {
+        out->altitude_barometric_m = NAN; /* no weather does that */
+        out->barometer_accuracy = 0;
+    }
+}
+
+/* ---- motion: of the source whose position it is ---- */
+
+static bool native_motion_known(const struct aircraft *aircraft)
+{
+    const struct telemetry_update *native = &aircraft->native_location.counted;
+
+    return !isnan(native->location.direction_deg) || !isnan(native->location.speed_mps) ||
+           !isnan(native->location.vertical_speed_mps);
+}
+
+static void fill_motion_from_telemetry(const struct aircraft *aircraft, int64_t now_us,
+                                       struct aircraft_location *out)
+{
+    const struct aircraft_receiver *receiver = aircraft_receiver(aircraft, now_us);
+    const struct aircraft_fix *fix = &aircraft->telemetry;
+    double speed_mps = hypot(fix->north_mps, fix->east_mps);
+
+    if (isnan(out->speed_mps)) {
+        out->speed_mps = speed_mps;
+    }
+    if (isnan(out->vertical_speed_mps)) {
+        out->vertical_speed_mps = fix->vertical_speed_mps;
+    }
+    if (isnan(out->direction_deg) && speed_mps >= COURSE_MIN_MPS) {
+        out->direction_deg = fmod(atan2(fix->east_mps, fix->north_mps) * 180 / M_PI + 360, 360);
+    }
+    if (out->speed_accuracy == 0 && receiver != NULL) {
+        out->speed_accuracy = accuracy_code(receiver->speed_accuracy_mps, speed_code);
+    }
+}
+
+static void fill_motion_from_native(const struct aircraft *aircraft, struct aircraft_location *out)
+{
+    const struct telemetry_update *native = &aircraft->native_location.counted;
+
+    out->direction_deg = native->location.direction_deg;
+    out->speed_mps = native->location.speed_mps;
+    out->vertical_speed_mps = native->location.vertical_speed_mps;
+    out->speed_accuracy = native->location.speed_accuracy;
+}
+
+static void view_motion(const struct aircraft *aircraft, int64_t now_us,
+                        struct aircraft_location *out)
+{
+    bool telemetry = aircraft_fresh(aircraft->telemetry.fix_us, now_us);
+    bool native = aircraft_fresh(aircraft->native.fix_us, now_us) &&
+                  native_motion_known(aircraft) &&
+                  (!telemetry || out->position_source == SOURCE_NATIVE);
+
+    if (native) {
+        out->motion_source = SOURCE_NATIVE;
+        fill_motion_from_native(aircraft, out);
+    } else if (telemetry) {
+        out->motion_source = SOURCE_TELEMETRY;
+    }
+    if (telemetry) {
+        fill_motion_from_telemetry(aircraft, now_us, out);
+    }
+}
+
+void aircraft_view_location(const struct aircraft *aircraft, int64_t now_us,
+                            struct aircraft_location *out)
+{
+    out->fix_us = INT64_MIN;
+    out->latitude_deg = out->longitude_deg = NAN;
+    out->altitude_barometric_m = out->altitude_geodetic_m = out->height_m = NAN;
+    out->direction_deg = out->speed_mps = out->vertical_speed_mps = NAN;
+    out->timestamp_s = NAN;
+    view_position(aircraft, now_us, out);
+    view_motion(aircraft, now_us, out);
+    aircraft_view_status(aircraft, now_us, out);
+}

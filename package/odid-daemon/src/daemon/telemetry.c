@@ -1,0 +1,449 @@
+#include "daemon/telemetry.h"
+
+#include <common/mavlink.h>
+#include <string.h>
+
+#include "daemon/aircraft.h"
+#include "daemon/belief.h"
+#include "daemon/telemetry_odid.h"
+#include "daemon/telemetry_plain.h"
+#include "daemon/vehicle.h"
+#include "mavlink/framing.h"
+
+/*
+ * An autopilot that is given another system id in flight goes on with its numbers and its clock; it
+ * takes its own place once the old id has been silent for so long. Where frames were lost just
+ * then, its clock alone tells, so many times in a row.
+ */
+#define RENAMED_US 3000000
+#define RENAMED_LOST_MAX 8
+#define RENAMED_CLOCK_ALONE 5
+/* Whoever is taken for it, and is silent for so long, isn't. */
+#define RENAMED_SILENT_US 1500000
+
+/* Another system, whose autopilot goes on where the vehicle's ended. */
+struct renamed {
+    uint8_t system; /* 0: none */
+    uint8_t sequence;
+    int64_t heard_us;
+    bool same_numbers; /* from the vehicle's last frame on, ... */
+    bool apart;        /* ... from which whoever speaks under the old id doesn't go on */
+    unsigned same_clock;
+};
+
+/* So often by its clock, and by its numbers, and whoever goes on under the old id is another one.
+ */
+#define RENAMED_FOR_SURE 2
+
+struct telemetry {
+    telemetry_fn *deliver;
+    void *context;
+    struct framing framing[TELEMETRY_STREAMS];
+    struct telemetry_counters counters;
+    struct belief belief;
+    mavlink_message_t latest; /* of the vehicle's autopilot */
+    struct vehicle vehicle;
+    bool identified;    /* its autopilot said who it is */
+    bool authenticated; /* and proves it */
+    bool signs;         /* its last frame was signed */
+    bool by_another;    /* the native message that is being read isn't its autopilot's */
+    uint16_t speaker;   /* but this one's (telemetry_update) */
+    int vehicle_stream;
+    int64_t latest_us;
+    struct renamed renamed;
+};
+
+struct telemetry *telemetry_init(telemetry_fn *deliver, void *context)
+{
+    static struct telemetry telemetry;
+
+    memset(&telemetry, 0, sizeof(telemetry));
+    telemetry.deliver = deliver;
+    telemetry.context = context;
+    telemetry.vehicle_stream = -1;
+    vehicle_init(&telemetry.vehicle);
+    belief_reset(&telemetry.belief);
+    return &telemetry;
+}
+
+void telemetry_restarted(struct telemetry *telemetry)
+{
+    telemetry->identified = telemetry->authenticated = false;
+}
+
+void telemetry_expect(struct telemetry *telemetry, uint8_t vehicle, bool armed, int64_t now_us)
+{
+    vehicle_expect(&telemetry->vehicle, vehicle, armed, now_us);
+}
+
+/* Where the aircraft is and who, only its autopilot says; a ground station may give an identity to
+ * one that has none. */
+static bool says_where(uint32_t message_id)
+{
+    return message_id == MAVLINK_MSG_ID_OPEN_DRONE_ID_LOCATION ||
+           message_id == MAVLINK_MSG_ID_OPEN_DRONE_ID_MESSAGE_PACK;
+}
+
+static bool says_who(uint32_t message_id)
+{
+    return message_id == MAVLINK_MSG_ID_OPEN_DRONE_ID_BASIC_ID ||
+           message_id == MAVLINK_MSG_ID_OPEN_DRONE_ID_MESSAGE_PACK;
+}
+
+/*
+ * Whose Open Drone ID messages are ours to take. The guide says target 0 or
+ * our own ids; but QGroundControl addresses the autopilot, and ArduPilot
+ * relays with that target unchanged.
+ */
+static bool odid_concerns_us(const struct telemetry *telemetry, const mavlink_message_t *message,
+                             const struct telemetry_odid_address *to)
+{
+    bool to_vehicle = to->system == telemetry->vehicle.system;
+
+    if (telemetry->vehicle.system == 0) {
+        return false;
+    }
+    if (message->sysid == telemetry->vehicle.system) {
+        if (message->compid == MAV_COMP_ID_AUTOPILOT1) {
+            return to->system == 0 || to_vehicle;
+        }
+        if (says_where(message->msgid) || says_who(message->msgid)) {
+            return false; /* an autopilot passes on what its radio hears */
+        }
+        return to->system == 0 ||
+               (to_vehicle && (to->component == 0 || to->component == TELEMETRY_COMPONENT_ODID));
+    }
+    if (!vehicle_is_ground_station(&telemetry->vehicle, message->sysid) ||
+        says_where(message->msgid)) {
+        return false;
+    }
+    return to->system == 0 ||
+           (to_vehicle && (to->component == 0 || to->component == TELEMETRY_COMPONENT_ODID ||
+                           to->component == MAV_COMP_ID_AUTOPILOT1));
+}
+
+/* System id 0 is nobody's, and no vehicle is known as 0. */
+static bool from_autopilot(const struct telemetry *telemetry, const mavlink_message_t *message)
+{
+    return telemetry->vehicle.system != 0 && message->sysid == telemetry->vehicle.system &&
+           message->compid == MAV_COMP_ID_AUTOPILOT1;
+}
+
+/* What one source says is delivered; what contradicts it is another one's. */
+static bool deliver_believed(struct telemetry *telemetry, struct telemetry_update *update,
+                             int64_t now_us)
+{
+    if (!belief_take(&telemetry->belief, update, now_us)) {
+        telemetry->counters.not_believed++;
+        return false;
+    }
+    telemetry->deliver(telemetry->context, update, now_us);
+    return true;
+}
+
+static void on_native(void *context, const struct telemetry_update *update, int64_t now_us)
+{
+    struct telemetry *telemetry = context;
+    struct telemetry_update told = *update;
+
+    told.by_another = telemetry->by_another;
+    told.speaker = telemetry->speaker;
+    if (told.by_another) {
+        /* Once the vehicle says who it is, and proves it, nobody else does. */
+        if ((told.kind == TELEMETRY_BASIC_ID && telemetry->identified) ||
+            (told.kind == TELEMETRY_AUTHENTICATION && telemetry->authenticated)) {
+            telemetry->counters.other_system++;
+            return;
+        }
+    } else {
+        telemetry->identified = telemetry->identified || told.kind == TELEMETRY_BASIC_ID;
+        telemetry->authenticated =
+            telemetry->authenticated || told.kind == TELEMETRY_AUTHENTICATION;
+    }
+    deliver_believed(telemetry, &told, now_us);
+}
+
+static void take_odid(struct telemetry *telemetry, const mavlink_message_t *message, int64_t now_us)
+{
+    struct telemetry_odid_address to;
+
+    telemetry_odid_address(message, &to);
+    if (to.other_aircraft) {
+        telemetry->counters.other_aircraft++;
+    } else if (!odid_concerns_us(telemetry, message, &to)) {
+        telemetry->counters.other_system++;
+    } else {
+        telemetry->counters.frames++;
+        telemetry->by_another = !from_autopilot(telemetry, message);
+        telemetry->speaker = (uint16_t)(message->sysid << 8 | message->compid);
+        telemetry_odid_read(message, on_native, telemetry, now_us);
+    }
+}
+
+/* The same autopilot under another number: what was learnt of it stands. */
+static bool is_renamed(const struct telemetry *telemetry, uint8_t system_id, int64_t now_us)
+{
+    const struct renamed *renamed = &telemetry->renamed;
+
+    return renamed->system == system_id &&
+           renamed->same_clock >= (renamed->same_numbers ? 1 : RENAMED_CLOCK_ALONE) &&
+           now_us - telemetry->latest_us >= RENAMED_US;
+}
+
+enum clock_is { CLOCK_UNTOLD, CLOCK_SAME, CLOCK_ANOTHER };
+
+static enum clock_is told_clock(const struct telemetry *telemetry, const mavlink_message_t *message,
+                                int64_t now_us)
+{
+    struct telemetry_update update;
+    uint32_t boot_ms;
+
+    if (!telemetry_plain_read(message, &update)) {
+        return CLOCK_UNTOLD;
+    }
+    if (update.kind == TELEMETRY_GLOBAL_POSITION) {
+        boot_ms = update.global_position.boot_ms;
+    } else if (update.kind == TELEMETRY_SYSTEM_TIME) {
+        boot_ms = update.system_time.boot_ms;
+    } else {
+        return CLOCK_UNTOLD;
+    }
+    return belief_clock_goes_on(&telemetry->belief, boot_ms, now_us) ? CLOCK_SAME : CLOCK_ANOTHER;
+}
+
+/* A frame of another system's autopilot: is it the vehicle's next one? Its id may be changed more
+ * than once: then each goes on where the one before it ended. */
+static void watch_renamed(struct telemetry *telemetry, const mavlink_message_t *message,
+                          int64_t now_us)
+{
+    struct renamed *renamed = &telemetry->renamed;
+    bool alive = renamed->system != 0 && now_us - renamed->heard_us < RENAMED_SILENT_US;
+    bool known = alive && renamed->system == message->sysid;
+    bool recent = alive ? renamed->same_numbers : now_us - telemetry->latest_us < RENAMED_US;
+    uint8_t step = (uint8_t)(message->seq - (alive ? renamed->sequence : telemetry->latest.seq));
+    bool follows = recent && step >= 1 && step <= RENAMED_LOST_MAX;
+    enum clock_is clock = told_clock(telemetry, message, now_us);
+
+    if (!known && !follows && (alive || clock != CLOCK_SAME)) {
+        return; /* beside one that does, or a neighbour */
+    }
+    if (clock == CLOCK_ANOTHER) {
+        renamed->system = known ? 0 : renamed->system;
+        return;
+    }
+    renamed->same_clock = (alive ? renamed->same_clock : 0) + (clock == CLOCK_SAME);
+    renamed->apart = alive && renamed->apart;
+    renamed->same_numbers = follows;
+    renamed->system = message->sysid;
+    renamed->sequence = message->seq;
+    renamed->heard_us = now_us;
+}
+
+/* It goes on under another number, and somebody else under its own. */
+static bool is_renamed_for_sure(const struct telemetry *telemetry, int64_t now_us)
+{
+    const struct renamed *renamed = &telemetry->renamed;
+
+    return renamed->system != 0 && renamed->same_numbers && renamed->apart &&
+           renamed->same_clock >= RENAMED_FOR_SURE &&
+           now_us - renamed->heard_us < RENAMED_SILENT_US;
+}
+
+/* A frame under the vehicle's own number. Whose number goes on is the vehicle, and a neighbour's
+ * was the same by chance. */
+static void watch_old_number(struct telemetry *telemetry, const mavlink_message_t *message,
+                             int64_t now_us)
+{
+    struct renamed *renamed = &telemetry->renamed;
+    uint8_t step = (uint8_t)(message->seq - telemetry->latest.seq);
+    bool goes_on = step >= 1 && step <= RENAMED_LOST_MAX;
+
+    if (!renamed->same_numbers || (!renamed->apart && goes_on)) {
+        renamed->system = 0;
+    } else {
+        renamed->apart = true;
+    }
+    if (is_renamed_for_sure(telemetry, now_us)) {
+        belief_another_speaks(&telemetry->belief, now_us);
+    }
+}
+
+static void rename_vehicle(struct telemetry *telemetry, uint8_t system_id)
+{
+    vehicle_rename(&telemetry->vehicle, system_id);
+    telemetry->renamed.system = 0;
+    belief_new_link(&telemetry->belief);
+}
+
+static void take_heartbeat(struct telemetry *telemetry, const mavlink_message_t *message,
+                           int64_t now_us)
+{
+    struct telemetry_update update = {.kind = TELEMETRY_HEARTBEAT};
+    mavlink_heartbeat_t heartbeat;
+    bool is_autopilot, armed, known = telemetry->vehicle.system != 0;
+
+    mavlink_msg_heartbeat_decode(message, &heartbeat);
+    if (heartbeat.type == MAV_TYPE_GCS) {
+        vehicle_heard_ground_station(&telemetry->vehicle, message->sysid);
+    }
+    /* An antenna tracker has an autopilot, too, and is no vehicle. */
+    is_autopilot = message->compid == MAV_COMP_ID_AUTOPILOT1 && message->sysid != 0 &&
+                   heartbeat.autopilot != MAV_AUTOPILOT_INVALID &&
+                   aircraft_ua_type(heartbeat.type) >= 0;
+    if (!is_autopilot) {
+        telemetry->counters.not_needed++;
+        return;
+    }
+    armed = heartbeat.base_mode & MAV_MODE_FLAG_SAFETY_ARMED;
+    if (is_renamed(telemetry, message->sysid, now_us)) {
+        rename_vehicle(telemetry, message->sysid);
+    }
+    switch (vehicle_heartbeat(&telemetry->vehicle, message->sysid, armed, now_us)) {
+    case VEHICLE_ANOTHER:
+        telemetry->counters.other_system++;
+        return;
+    case VEHICLE_NEW:
+        update.heartbeat.new_vehicle = known;
+        belief_reset(&telemetry->belief);
+        telemetry->identified = telemetry->authenticated = false;
+        break;
+    default:
+        break;
+    }
+    telemetry->counters.frames++;
+    update.heartbeat.doubtful = belief_contradicted(&telemetry->belief, now_us);
+    update.heartbeat.mav_type = heartbeat.type;
+    update.heartbeat.autopilot = heartbeat.autopilot;
+    update.heartbeat.base_mode = heartbeat.base_mode;
+    update.heartbeat.system_status = heartbeat.system_status;
+    telemetry->deliver(telemetry->context, &update, now_us);
+}
+
+/* A checksum is made to order: it is the octets that tell. */
+static bool same_frame(const mavlink_message_t *a, const mavlink_message_t *b)
+{
+    return a->seq == b->seq && a->msgid == b->msgid && a->len == b->len &&
+           memcmp(a->payload64, b->payload64, a->len) == 0;
+}
+
+static void take_frame(struct telemetry *telemetry, unsigned stream,
+                       const mavlink_message_t *message, int64_t now_us)
+{
+    struct telemetry_update update;
+
+    if (message->compid >= TELEMETRY_COMPONENT_ODID &&
+        message->compid < TELEMETRY_COMPONENT_ODID + 3) {
+        telemetry->counters.other_transmitter++;
+        return;
+    }
+    if (message->msgid == MAVLINK_MSG_ID_HEARTBEAT) {
+        take_heartbeat(telemetry, message, now_us);
+    } else if (telemetry_odid_is(message->msgid)) {
+        take_odid(telemetry, message, now_us);
+    } else if (!telemetry_plain_read(message, &update)) {
+        telemetry->counters.not_needed++;
+    } else if (!from_autopilot(telemetry, message)) {
+        telemetry->counters.other_system++;
+    } else {
+        telemetry->counters.frames += deliver_believed(telemetry, &update, now_us);
+    }
+    if (from_autopilot(telemetry, message)) {
+        if (telemetry->vehicle_stream != (int)stream) {
+            belief_new_link(&telemetry->belief);
+        }
+        telemetry->signs = message->incompat_flags & MAVLINK_IFLAG_SIGNED;
+        if (message->msgid != MAVLINK_MSG_ID_HEARTBEAT) {
+            vehicle_speaks(&telemetry->vehicle, now_us);
+        }
+        belief_sequence(&telemetry->belief, message->seq, same_frame(message, &telemetry->latest),
+                        now_us);
+        watch_old_number(telemetry, message, now_us);
+        telemetry->latest = *message;
+        telemetry->latest_us = now_us;
+        telemetry->vehicle_stream = (int)stream;
+    } else if (message->compid == MAV_COMP_ID_AUTOPILOT1 && message->sysid != 0 &&
+               telemetry->vehicle_stream == (int)stream &&
+               telemetry->latest.sysid == telemetry->vehicle.system) {
+        watch_renamed(telemetry, message, now_us);
+    }
+}
+
+/* Of which stream, and when: what the frames of one call have in common. */
+struct arrival {
+    struct telemetry *telemetry;
+    unsigned stream;
+    int64_t now_us;
+};
+
+static void on_frame(void *context, const mavlink_message_t *message)
+{
+    const struct arrival *arrival = context;
+
+    take_frame(arrival->telemetry, arrival->stream, message, arrival->now_us);
+}
+
+void telemetry_receive(struct telemetry *telemetry, unsigned stream, const uint8_t *bytes,
+                       size_t length, int64_t now_us)
+{
+    struct arrival arrival = {telemetry, stream % TELEMETRY_STREAMS, now_us};
+
+    framing_stream(&telemetry->framing[arrival.stream], &telemetry->counters.framing, bytes, length,
+                   on_frame, &arrival);
+}
+
+void telemetry_receive_datagram(struct telemetry *telemetry, unsigned stream, const uint8_t *bytes,
+                                size_t length, int64_t now_us)
+{
+    struct arrival arrival = {telemetry, stream % TELEMETRY_STREAMS, now_us};
+
+    framing_datagram(&telemetry->counters.framing, bytes, length, on_frame, &arrival);
+}
+
+void telemetry_reset_stream(struct telemetry *telemetry, unsigned stream)
+{
+    memset(&telemetry->framing[stream % TELEMETRY_STREAMS], 0, sizeof(struct framing));
+    if (telemetry->vehicle_stream == (int)stream) {
+        telemetry->vehicle_stream = -1;
+    }
+}
+
+uint8_t telemetry_vehicle(const struct telemetry *telemetry)
+{
+    return telemetry->vehicle.system;
+}
+
+bool telemetry_vehicle_settled(const struct telemetry *telemetry)
+{
+    return vehicle_is_settled(&telemetry->vehicle);
+}
+
+bool telemetry_vehicle_speaks(const struct telemetry *telemetry, int64_t now_us)
+{
+    return from_autopilot(telemetry, &telemetry->latest) &&
+           now_us - telemetry->latest_us < AIRCRAFT_FRESH_US;
+}
+
+bool telemetry_vehicle_signs(const struct telemetry *telemetry)
+{
+    return telemetry->signs;
+}
+
+int telemetry_vehicle_stream(const struct telemetry *telemetry)
+{
+    return telemetry->vehicle_stream;
+}
+
+int64_t telemetry_heartbeat_us(const struct telemetry *telemetry)
+{
+    return telemetry->vehicle.heartbeat_us;
+}
+
+bool telemetry_contradicted(const struct telemetry *telemetry, int64_t now_us)
+{
+    return belief_contradicted(&telemetry->belief, now_us);
+}
+
+const struct telemetry_counters *telemetry_counters(const struct telemetry *telemetry)
+{
+    return &telemetry->counters;
+}

@@ -1,0 +1,136 @@
+#include "daemon/vehicle.h"
+
+#include <string.h>
+
+/* A vehicle that was silent for this long may be another one: a changed SYSID, another aircraft. */
+#define FORGOTTEN_US 10000000
+#define EXPECTED_US 3000000 /* three of its HEARTBEATs */
+/* Who says HEARTBEATs for so long, or anything else, is there to stay; who falls silent before, for
+ * longer than a HEARTBEAT's second, was a stray voice. */
+#define SETTLED_US 3000000
+#define PASSED_BY_US 1500000
+/* An autopilot has started by then; one that is expected still isn't there. */
+#define STARTED_US 60000000
+
+void vehicle_init(struct vehicle *vehicle)
+{
+    memset(vehicle, 0, sizeof(*vehicle));
+    vehicle->heartbeat_us = INT64_MIN;
+}
+
+void vehicle_expect(struct vehicle *vehicle, uint8_t system, bool armed, int64_t now_us)
+{
+    vehicle->system = vehicle->kept = system;
+    vehicle->kept_until_us = now_us + STARTED_US;
+    vehicle->armed = armed;
+    vehicle->until_us = now_us + EXPECTED_US;
+}
+
+/* ---- ground stations ---- */
+
+void vehicle_heard_ground_station(struct vehicle *vehicle, uint8_t system)
+{
+    vehicle->ground_stations[system / 8] |= (uint8_t)(1 << (system % 8));
+}
+
+bool vehicle_is_ground_station(const struct vehicle *vehicle, uint8_t system)
+{
+    return vehicle->ground_stations[system / 8] >> (system % 8) & 1;
+}
+
+/* ---- which one it is ---- */
+
+/* It was seen on the ground, and is armed since: nobody passes by like that. */
+static bool took_off_here(const struct vehicle *vehicle, int64_t now_us)
+{
+    return vehicle->seen_disarmed && vehicle->armed && now_us >= vehicle->kept_until_us;
+}
+
+bool vehicle_is_settled(const struct vehicle *vehicle)
+{
+    return vehicle->spoke || vehicle->heartbeat_us - vehicle->begun_us >= SETTLED_US;
+}
+
+static bool passed_by(const struct vehicle *vehicle, int64_t now_us)
+{
+    return vehicle->heartbeat_us != INT64_MIN && !vehicle_is_settled(vehicle) &&
+           now_us - vehicle->heartbeat_us > PASSED_BY_US;
+}
+
+/* The one that was there first: it was only expected, or has been silent for longer than any start
+ * takes. (In the air nobody takes its place.) */
+static bool is_given_up(const struct vehicle *vehicle, int64_t now_us)
+{
+    return !vehicle->kept_heard || now_us - vehicle->kept_us >= STARTED_US;
+}
+
+/*
+ * Is this heartbeat, of another system than the vehicle, the vehicle's from now
+ * on? Where that one has only passed by: yes. The kept one returns at any time; one that is only
+ * expected, of the last power-on, not once another one has taken off here. Another one is a changed
+ * system id, after a long silence and on the ground, or where the kept one was
+ * only expected; not a ground station's, once there was a vehicle.
+ */
+static bool takes_over(const struct vehicle *vehicle, uint8_t system, bool armed, int64_t now_us)
+{
+    bool none_yet = vehicle->heartbeat_us == INT64_MIN;
+
+    if (vehicle->system == 0 || (vehicle->kept == 0 && passed_by(vehicle, now_us) &&
+                                 !vehicle_is_ground_station(vehicle, system))) {
+        return true;
+    }
+    if (system == vehicle->kept) {
+        return vehicle->kept_heard || !took_off_here(vehicle, now_us);
+    }
+    return !vehicle->armed && (!armed || none_yet) &&
+           (!vehicle_is_ground_station(vehicle, system) || none_yet) && now_us >= vehicle->until_us;
+}
+
+/* Who was there first: nobody's any more who was expected, and isn't the one that flies. */
+static void keep(struct vehicle *vehicle, int64_t now_us)
+{
+    if (vehicle->kept == vehicle->system || (vehicle->kept == 0 && vehicle_is_settled(vehicle)) ||
+        (took_off_here(vehicle, now_us) && is_given_up(vehicle, now_us))) {
+        vehicle->kept = vehicle->system;
+        vehicle->kept_heard = true;
+        vehicle->kept_us = now_us;
+    }
+}
+
+enum vehicle_is vehicle_heartbeat(struct vehicle *vehicle, uint8_t system, bool armed,
+                                  int64_t now_us)
+{
+    bool other = system != vehicle->system;
+
+    if (other) {
+        if (!takes_over(vehicle, system, armed, now_us)) {
+            return VEHICLE_ANOTHER;
+        }
+        vehicle->system = system;
+        vehicle->seen_disarmed = vehicle->spoke = false;
+        vehicle->begun_us = now_us;
+    }
+    vehicle->heartbeat_us = now_us;
+    vehicle->seen_disarmed = vehicle->seen_disarmed || !armed;
+    vehicle->armed = armed;
+    keep(vehicle, now_us);
+    /* A system with an autopilot is no ground station, whatever else of it said so. */
+    vehicle->ground_stations[system / 8] &= (uint8_t) ~(1 << (system % 8));
+    vehicle->until_us = now_us + FORGOTTEN_US;
+    return other ? VEHICLE_NEW : VEHICLE_KNOWN;
+}
+
+/* Its HEARTBEATs may be lost, or kept from us. */
+void vehicle_speaks(struct vehicle *vehicle, int64_t now_us)
+{
+    vehicle->spoke = true;
+    vehicle->until_us = now_us + (vehicle->heartbeat_us == INT64_MIN ? EXPECTED_US : FORGOTTEN_US);
+}
+
+void vehicle_rename(struct vehicle *vehicle, uint8_t system)
+{
+    if (vehicle->kept == vehicle->system) {
+        vehicle->kept = system;
+    }
+    vehicle->system = system;
+}

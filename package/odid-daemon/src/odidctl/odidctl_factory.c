@@ -1,0 +1,60 @@
+/* odidctl factory-reset: back to what the volume CONFIG says. */
+#include <signal.h>
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "appliance/armed.h"
+#include "base/whole_file.h"
+#include "odidctl/odidctl.h"
+
+/* In data; a boot script sees it, and does it over again when power fails meanwhile. */
+#define MARK "odid/factory-reset"
+
+/* In state, while data is in memory (S30data): the mark would be gone with it. */
+#define IN_MEMORY "data-in-memory"
+
+/* By init's order for it; what isn't an appliance is left alone. */
+static bool restart(const struct places *places)
+{
+    char path[PLACES_PATH_SIZE];
+
+    snprintf(path, sizeof(path), "%s/slot", places->state);
+    return access(path, F_OK) == 0 && kill(1, SIGTERM) == 0;
+}
+
+int odidctl_factory_reset(const struct places *places)
+{
+    static const char text[] = "asked for by odidctl\n";
+    char path[PLACES_PATH_SIZE];
+    const char *why;
+    int result;
+
+    why = armed_not_disarmed(places);
+    if (why != NULL) {
+        fprintf(stderr, "odidctl: %s: no factory reset.\n", why);
+        return ODIDCTL_NOT_GOOD;
+    }
+    snprintf(path, sizeof(path), "%s/" IN_MEMORY, places->state);
+    if (access(path, F_OK) == 0) {
+        fputs("odidctl: /data is in memory: no factory reset before it is repaired (odidctl "
+              "faults).\n",
+              stderr);
+        return ODIDCTL_NOT_GOOD;
+    }
+    snprintf(path, sizeof(path), "%s/" MARK, places->data);
+    result = whole_file_replace(path, text, strlen(text), 0644);
+    if (result < 0) {
+        fprintf(stderr, "odidctl: %s: %s; nothing has changed.\n", path, strerror(-result));
+        return ODIDCTL_NOT_GOOD;
+    }
+    puts("At its next start the board forgets its settings, passwords and keys, and takes over "
+         "what\n"
+         "the volume CONFIG has. Flight records stay.");
+    fflush(stdout);
+    if (!restart(places)) {
+        fputs("odidctl: the board can't be restarted: switch power off and on.\n", stderr);
+        return ODIDCTL_HALF_DONE;
+    }
+    return ODIDCTL_GOOD;
+}

@@ -1,0 +1,292 @@
+/*
+ * odidctl: asks the daemon how it is, and checks, reads and changes the
+ * configuration. Each command is in a file odidctl_<command>.c.
+ */
+#include <getopt.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#include "appliance/settings.h"
+#include "config/config.h"
+#include "flights/flights_show.h"
+#include "odidctl/odidctl.h"
+
+static const char usage[] =
+    "odidctl asks the Remote ID daemon how it is, and looks after its configuration.\n"
+    "\n"
+    "  odidctl status [--json]           everything at one glance; exit 0 only when all that is\n"
+    "                                    required is on the air\n"
+    "  odidctl watch                     the same, again every second\n"
+    "  odidctl flights [N] [--json]      was it on the air the whole flight? one line a power-on,\n"
+    "                                    newest first; record N in detail\n"
+    "  odidctl armed                     armed, disarmed or unknown; for scripts\n"
+    "  odidctl check FILE                what is wrong in a configuration file\n"
+    "  odidctl check DIR                 whether import would take over all that is there\n"
+    "  odidctl get SECTION.KEY...        the values in force, such as wifi.channel's, one a line\n"
+    "  odidctl set SECTION.KEY VALUE     changes it, unless it is wrong\n"
+    "  odidctl import DIR                takes over DIR/odid.conf and DIR/authorized_keys\n"
+    "  odidctl maintenance on|off        opens the access point to the technician, or closes it\n"
+    "  odidctl update [FILE|URL]         installs a bundle; alone: how the update stands\n"
+    "  odidctl update DIR                the newest one there, if it is newer; as from a stick\n"
+    "  odidctl update cancel             calls off what is being installed\n"
+    "  odidctl find-autopilot BAUD SECONDS PORT...\n"
+    "                                    on which serial port one speaks; for scripts\n"
+    "  odidctl factory-reset             forgets all settings, and takes over what CONFIG has\n"
+    "  odidctl --version | --help\n"
+    "\n"
+    "Other places than the usual ones: -run-dir DIR, -flights-dir DIR, -config FILE, -data DIR,\n"
+    "-faults DIR, -state DIR, -apply PROGRAM. See odidctl(1) and odid.conf(5).\n";
+
+static struct {
+    struct places places;
+    const char *flights_dir;
+    bool json;
+} self = {.places = {.run_dir = "/run/odid",
+                     .data = "/data",
+                     .faults = "/run/faults",
+                     .state = "/run/odid-appliance",
+                     .apply = "/lib/odid/apply-configuration"},
+          .flights_dir = FLIGHTS_DIRECTORY};
+
+/* ---- check ---- */
+
+static void print_sentence(void *context, enum config_severity severity, const char *sentence)
+{
+    static const char *const names[] = {
+        [CONFIG_ERROR] = "error", [CONFIG_WARNING] = "warning", [CONFIG_NOTE] = "note"};
+    unsigned *wrong = context;
+
+    *wrong += severity != CONFIG_NOTE;
+    printf("%s: %s\n", names[severity], sentence);
+}
+
+static int check(const char *file)
+{
+    struct config config;
+    unsigned wrong = 0;
+
+    config_defaults(&config);
+    config_read_file(&config, file, print_sentence, &wrong);
+    config_judge(&config, print_sentence, &wrong);
+    explicit_bzero(&config, sizeof(config));
+    printf("%s: %s\n", file, wrong == 0 ? "nothing is wrong" : "see above");
+    return wrong == 0 ? ODIDCTL_GOOD : ODIDCTL_NOT_GOOD;
+}
+
+/* ---- the commands ---- */
+
+static int run_status(char *const words[])
+{
+    (void)words;
+    return odidctl_status(&self.places, self.json);
+}
+
+static int run_watch(char *const words[])
+{
+    (void)words;
+    return odidctl_watch(&self.places);
+}
+
+static int run_flights(char *const words[])
+{
+    return flights_show(stdout, self.flights_dir, words[1], flights_boot(), self.json);
+}
+
+static int run_check(char *const words[])
+{
+    struct stat file;
+
+    return stat(words[1], &file) == 0 && S_ISDIR(file.st_mode) ? odidctl_import_check(words[1])
+                                                               : check(words[1]);
+}
+
+static int run_get(char *const words[])
+{
+    return settings_get(&self.places, words + 1);
+}
+
+static int run_set(char *const words[])
+{
+    return settings_set(&self.places, words[1], words[2]);
+}
+
+static int run_import(char *const words[])
+{
+    return odidctl_import(&self.places, words[1]);
+}
+
+static int run_maintenance(char *const words[])
+{
+    if (strcmp(words[1], "on") != 0 && strcmp(words[1], "off") != 0) {
+        fputs("odidctl: maintenance needs \"on\" or \"off\"\n", stderr);
+        return ODIDCTL_USAGE;
+    }
+    return odidctl_maintenance(&self.places, words[1]);
+}
+
+static int run_armed(char *const words[])
+{
+    (void)words;
+    return odidctl_tell_armed(&self.places);
+}
+
+static int run_update(char *const words[])
+{
+    return odidctl_update(&self.places, words[1]);
+}
+
+static int run_find_autopilot(char *const words[])
+{
+    return odidctl_find_autopilot(words[1], words[2], words + 3);
+}
+
+static int run_factory_reset(char *const words[])
+{
+    (void)words;
+    return odidctl_factory_reset(&self.places);
+}
+
+#define WORDS_MAX 12
+
+static const struct command {
+    const char *name;
+    int least, most; /* words, with its own */
+    const char *needs;
+    int (*run)(char *const words[]);
+    bool json; /* whether it can answer so */
+} commands[] = {
+    {"status", 1, 1, "status takes no words", run_status, true},
+    {"watch", 1, 1, "watch takes no words", run_watch, false},
+    {"flights", 1, 2, "flights takes at most one number", run_flights, true},
+    {"check", 2, 2, "check needs one FILE or DIR", run_check, false},
+    {"get", 2, WORDS_MAX, "get needs at least one SECTION.KEY, and takes up to 11", run_get, false},
+    {"set", 3, 3, "set needs SECTION.KEY and VALUE; quote a value with blanks", run_set, false},
+    {"import", 2, 2, "import needs one DIR", run_import, false},
+    {"armed", 1, 1, "armed takes no words", run_armed, false},
+    {"maintenance", 2, 2, "maintenance needs \"on\" or \"off\"", run_maintenance, false},
+    {"factory-reset", 1, 1, "factory-reset takes no words", run_factory_reset, false},
+    {"find-autopilot", 4, WORDS_MAX, "find-autopilot needs BAUD, SECONDS and up to 9 PORTs",
+     run_find_autopilot, false},
+    {"update", 1, 2, "update takes at most one FILE, URL or DIR, or \"cancel\"", run_update, false},
+};
+
+/* ---- command line ---- */
+
+static int wrong_usage(const char *what)
+{
+    fprintf(stderr, "odidctl: %s\n\n%s", what, usage);
+    return ODIDCTL_USAGE;
+}
+
+static int run_command(const struct command *command, int count, char *const words[])
+{
+    if (count < command->least || count > command->most) {
+        return wrong_usage(command->needs);
+    }
+    if (self.json && !command->json) {
+        return wrong_usage("only status and flights have --json");
+    }
+    return command->run(words);
+}
+
+static int run(int count, char *const words[])
+{
+    if (count == 0) {
+        return wrong_usage("say what to do");
+    }
+    for (size_t i = 0; i < sizeof(commands) / sizeof(commands[0]); i++) {
+        if (strcmp(words[0], commands[i].name) == 0) {
+            return run_command(&commands[i], count, words);
+        }
+    }
+    return wrong_usage("no such command");
+}
+
+enum flag {
+    FLAG_RUN_DIR = 1,
+    FLAG_FLIGHTS_DIR,
+    FLAG_CONFIG,
+    FLAG_DATA,
+    FLAG_FAULTS,
+    FLAG_STATE,
+    FLAG_APPLY,
+    FLAG_JSON,
+    FLAG_HELP,
+    FLAG_VERSION
+};
+
+/* Returns -1 to go on, or the exit code. */
+static int take_flag(int flag)
+{
+    switch (flag) {
+    case FLAG_RUN_DIR:
+        self.places.run_dir = optarg;
+        return -1;
+    case FLAG_FLIGHTS_DIR:
+        self.flights_dir = optarg;
+        return -1;
+    case FLAG_CONFIG:
+        self.places.config = optarg;
+        return -1;
+    case FLAG_DATA:
+        self.places.data = optarg;
+        return -1;
+    case FLAG_FAULTS:
+        self.places.faults = optarg;
+        return -1;
+    case FLAG_STATE:
+        self.places.state = optarg;
+        return -1;
+    case FLAG_APPLY:
+        self.places.apply = optarg;
+        return -1;
+    case FLAG_JSON:
+        self.json = true;
+        return -1;
+    case FLAG_HELP:
+        fputs(usage, stdout);
+        return ODIDCTL_GOOD;
+    case FLAG_VERSION:
+        puts("odidctl " ODID_VERSION);
+        return ODIDCTL_GOOD;
+    default:
+        return ODIDCTL_USAGE; /* getopt said what is wrong */
+    }
+}
+
+int main(int argc, char *argv[])
+{
+    static const struct option flags[] = {
+        {"run-dir", required_argument, NULL, FLAG_RUN_DIR},
+        {"flights-dir", required_argument, NULL, FLAG_FLIGHTS_DIR},
+        {"config", required_argument, NULL, FLAG_CONFIG},
+        {"data", required_argument, NULL, FLAG_DATA},
+        {"faults", required_argument, NULL, FLAG_FAULTS},
+        {"state", required_argument, NULL, FLAG_STATE},
+        {"apply", required_argument, NULL, FLAG_APPLY},
+        {"json", no_argument, NULL, FLAG_JSON},
+        {"help", no_argument, NULL, FLAG_HELP},
+        {"version", no_argument, NULL, FLAG_VERSION},
+        {NULL, 0, NULL, 0},
+    };
+    char *words[WORDS_MAX + 2] = {NULL};
+    int count = 0;
+
+    /* Flags may stand between the words; but a value to be set is no flag, "-12.5" neither. */
+    while (optind < argc) {
+        bool value = count == 2 && strcmp(words[0], "set") == 0;
+        int flag = value ? -1 : getopt_long_only(argc, argv, "+", flags, NULL), result;
+
+        if (flag != -1) {
+            result = take_flag(flag);
+            if (result != -1) {
+                return result;
+            }
+        } else if (optind < argc) {
+            words[count] = argv[optind++];
+            count += count <= WORDS_MAX;
+        }
+    }
+    return run(count, words);
+}

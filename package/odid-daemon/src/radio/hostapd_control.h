@@ -1,0 +1,45 @@
+/*
+ * hostapd's control interface: requests and replies as UNIX datagrams
+ * (hostapd's wpa_ctrl protocol). One request at a time, never blocking.
+ */
+#ifndef ODID_HOSTAPD_CONTROL_H
+#define ODID_HOSTAPD_CONTROL_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "base/loop.h"
+
+/* A reply that takes longer means that hostapd hangs. */
+#define HOSTAPD_REPLY_US 1000000
+
+/* reply is NUL-terminated, without its newline at the end. */
+typedef void hostapd_reply_fn(void *context, const char *reply, int64_t now_us);
+/* The socket is gone, or a reply did not come in time (ETIMEDOUT); closed already. error: -errno */
+typedef void hostapd_lost_fn(void *context, int error, int64_t now_us);
+
+struct hostapd_control {
+    struct loop_watch watch;
+    struct loop_timer timeout;
+    bool waiting; /* for a reply */
+    hostapd_reply_fn *on_reply;
+    hostapd_lost_fn *on_lost;
+    void *context;
+    char own_path[108];
+};
+
+/* on_reply is called for each request's reply; unsolicited "<N>..." events are skipped. */
+void hostapd_control_init(struct hostapd_control *control, hostapd_reply_fn *on_reply,
+                          hostapd_lost_fn *on_lost, void *context);
+/* Connects to <hostapd_dir>/<iface>, binding our end in run_dir. Returns 0, or -errno. */
+int hostapd_control_open(struct hostapd_control *control, const char *hostapd_dir,
+                         const char *iface, const char *run_dir);
+void hostapd_control_close(struct hostapd_control *control);
+/* Returns 0, or -errno (EBUSY: a reply is awaited). */
+int hostapd_control_request(struct hostapd_control *control, const char *request, int64_t now_us);
+
+/* Sends without awaiting an answer, whatever else is awaited: for the orderly end. */
+void hostapd_control_tell(struct hostapd_control *control, const char *request);
+
+#endif

@@ -1,0 +1,159 @@
+#include "update/update_hawkbit.h"
+
+#include <stdio.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "appliance/faults.h"
+#include "appliance/update_places.h"
+#include "base/log.h"
+#include "base/loop.h"
+#include "base/whole_file.h"
+#include "config/config.h"
+
+#define SECOND_US 1000000
+#define PAUSE_US INT64_C(600000000)
+#define PAUSE_MAX_US (16 * PAUSE_US)
+#define REPORT_US 15000000
+#define FAILED_MAX 1 /* in a row: that may be */
+#define LOST_MAX 3   /* within LOST_US: that mustn't */
+#define LOST_US 60000000
+#define SERVER_FAULT "hawkbit-server"
+
+static struct {
+    bool (*is_idle)(void);
+    void (*restart)(void);
+    struct loop_timer pause, report;
+    int64_t pause_us; /* how long the next one is */
+    int64_t reporting_until_us;
+    unsigned failed;           /* in a row */
+    int64_t lost_us[LOST_MAX]; /* when SWUpdate did, the last one first */
+} hawkbit;
+
+static bool is_paused(void)
+{
+    return access(HAWKBIT_PAUSE, F_OK) == 0;
+}
+
+static void end_report(void *context, int64_t now_us)
+{
+    (void)context;
+    (void)now_us;
+    hawkbit.restart(); /* without it */
+}
+
+static void end_pause(void *context, int64_t now_us)
+{
+    (void)context;
+    if (!hawkbit.is_idle()) { /* somebody else's update: SWUpdate is busy */
+        loop_arm(&hawkbit.pause, now_us + SECOND_US);
+        return;
+    }
+    faults_set(FAULTS, SERVER_FAULT, NULL);
+    if (unlink(HAWKBIT_PAUSE) == 0) {
+        hawkbit.restart();
+    }
+}
+
+void update_hawkbit_begin(bool (*is_idle)(void), void (*restart)(void), int64_t now_us)
+{
+    hawkbit.is_idle = is_idle;
+    hawkbit.restart = restart;
+    hawkbit.reporting_until_us = 0;
+    hawkbit.pause_us = PAUSE_US;
+    hawkbit.failed = 0;
+    memset(hawkbit.lost_us, 0, sizeof(hawkbit.lost_us));
+    loop_timer_init(&hawkbit.pause, end_pause, NULL);
+    loop_timer_init(&hawkbit.report, end_report, NULL);
+    if (is_paused()) {
+        loop_arm(&hawkbit.pause, now_us + PAUSE_US);
+    }
+}
+
+bool update_hawkbit_is_asked(void)
+{
+    struct stat file;
+
+    return stat(HAWKBIT, &file) == 0 && file.st_size > 0;
+}
+
+void update_hawkbit_pause(int64_t now_us)
+{
+    int result;
+
+    if (!update_hawkbit_is_asked()) {
+        return;
+    }
+    result = whole_file_replace(HAWKBIT_PAUSE, "", 0, 0644);
+    if (result < 0) {
+        log_error("hawkBit can't be paused: %s", strerror(-result));
+    }
+    log_info("update: hawkBit isn't asked for %d minutes",
+             (int)(hawkbit.pause_us / (60 * SECOND_US)));
+    loop_arm(&hawkbit.pause, now_us + hawkbit.pause_us);
+    hawkbit.pause_us *= hawkbit.pause_us < PAUSE_MAX_US ? 2 : 1;
+}
+
+void update_hawkbit_report_and_pause(int64_t now_us)
+{
+    if (!update_hawkbit_is_asked()) {
+        return;
+    }
+    update_hawkbit_pause(now_us);
+    hawkbit.reporting_until_us = now_us + REPORT_US;
+    loop_arm(&hawkbit.report, hawkbit.reporting_until_us);
+}
+
+bool update_hawkbit_reports(int64_t now_us)
+{
+    return now_us < hawkbit.reporting_until_us;
+}
+
+/* What is refused while its server is being told is no other one. */
+void update_hawkbit_failed(int64_t now_us)
+{
+    if (!update_hawkbit_reports(now_us) && ++hawkbit.failed > FAILED_MAX) {
+        update_hawkbit_report_and_pause(now_us);
+    }
+}
+
+static void say_nothing(void *context, enum config_severity severity, const char *sentence)
+{
+    (void)context;
+    (void)severity;
+    (void)sentence;
+}
+
+static void say_what_it_does(void)
+{
+    char sentence[CONFIG_PATH_SIZE + 160];
+    struct config config;
+
+    config_defaults(&config);
+    config_read_file(&config, CONFIGURATION, say_nothing, NULL);
+    snprintf(sentence, sizeof(sentence),
+             "SWUpdate ended three times within a minute over what the hawkBit server %s answers: "
+             "it isn't asked for %d minutes.",
+             config.hawkbit_url, (int)(hawkbit.pause_us / (60 * SECOND_US)));
+    faults_set(FAULTS, SERVER_FAULT, sentence);
+}
+
+void update_hawkbit_lost(int64_t now_us)
+{
+    if (!update_hawkbit_is_asked() || is_paused()) {
+        return;
+    }
+    memmove(&hawkbit.lost_us[1], &hawkbit.lost_us[0], sizeof(hawkbit.lost_us) - sizeof(int64_t));
+    hawkbit.lost_us[0] = now_us;
+    if (hawkbit.lost_us[LOST_MAX - 1] != 0 && now_us - hawkbit.lost_us[LOST_MAX - 1] <= LOST_US) {
+        say_what_it_does();
+        update_hawkbit_pause(now_us); /* it is about to start */
+    }
+}
+
+void update_hawkbit_came_through(void)
+{
+    hawkbit.failed = 0;
+    hawkbit.pause_us = PAUSE_US;
+}

@@ -1,0 +1,131 @@
+#include "update/update_question.h"
+
+#include <json-c/json_object.h>
+#include <stdio.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "appliance/armed.h"
+#include "appliance/import_kept.h"
+#include "appliance/kept.h"
+#include "appliance/status_fetch.h"
+#include "appliance/update_bundle.h"
+#include "appliance/update_offer.h"
+#include "appliance/update_places.h"
+#include "base/whole_file.h"
+#include "config/config.h"
+#include "update/update_environment.h"
+#include "update/update_files.h"
+#include "update/update_slot.h"
+
+#define TRIED DATA "/odid/.remembers"
+
+static void say_nothing(void *context, enum config_severity severity, const char *sentence)
+{
+    (void)context;
+    (void)severity;
+    (void)sentence;
+}
+
+/* As odidctl and the services read it: what is wrong in it was said elsewhere. */
+static bool prevents_downgrade(void)
+{
+    struct config config;
+
+    config_defaults(&config);
+    config_read_file(&config, CONFIGURATION, say_nothing, NULL);
+    return config.update_prevent_downgrade;
+}
+
+/* Where settings were lost, or are in memory without what the disk has, a sound stand-in is in
+ * force. */
+static bool is_what_was_set(void)
+{
+    struct stat memory;
+
+    return import_sound(CONFIGURATION) && access(FAULTS "/settings", F_OK) < 0 &&
+           (stat(IN_MEMORY, &memory) < 0 || memory.st_size > 0);
+}
+
+/* Of what is rolled back a mark is kept, else a stick would bring it again and again. A disk that
+ * has turned read-only may not have said so yet: it is tried. */
+static bool remembers(void)
+{
+    bool remembers =
+        access(FAULTS "/data", F_OK) < 0 && whole_file_replace(TRIED, "?", 1, 0600) == 0;
+
+    unlink(TRIED);
+    return remembers;
+}
+
+static void fill_offer(struct update_offer *offer, const struct update_bundle *bundle,
+                       const struct update_question *question)
+{
+    static char rolled_back[UPDATE_VERSION_SIZE];
+    struct update_variables variables = {0};
+    bool damaged;
+    int known =
+        update_variables_read(ENVIRONMENT_CONFIG, NULL, question->running, &variables, &damaged);
+    int error = 0;
+    struct json_object *status = status_fetch(RUN_DIR, &error);
+    struct kept kept;
+    bool ran = kept_read(RUN_DIR, &kept) == 0;
+
+    whole_file_line(DATA "/" UPDATE_BACK_FILE, rolled_back, sizeof(rolled_back));
+    *offer = (struct update_offer){
+        .versions = {.offered = bundle->version,
+                     .running = question->version,
+                     .rolled_back = rolled_back,
+                     .unattended = question->unattended,
+                     .from_server = question->from_server,
+                     .prevent_downgrade = prevents_downgrade(),
+                     .unreadable = !is_what_was_set()},
+        .needed_octets = bundle->slot_octets,
+        .slot_octets = update_slot_octets(question->other),
+        .undecided = question->beside || known < 0 || variables.upgrade_available,
+        .given_up = variables.trial_failed == question->running,
+        .armed = (ran && kept.armed == KEPT_ARMED) || armed_says(status) ? UPDATE_ARMED
+                 : status == NULL || !ran                                ? UPDATE_ARMED_UNKNOWN
+                                                                         : UPDATE_DISARMED,
+        .remembers = remembers(),
+    };
+    json_object_put(status);
+}
+
+/* The boot loader may have taken this slot because the committed one is damaged: from now on it is
+ * the one that a failed trial goes back to. */
+static int keep_this_slot(const struct update_question *question)
+{
+    struct update_variables variables;
+    bool damaged;
+    int result =
+        update_variables_read(ENVIRONMENT_CONFIG, NULL, question->running, &variables, &damaged);
+
+    if (result == 0 && variables.slot != question->running) {
+        variables.slot = question->running;
+        result = update_variables_write(ENVIRONMENT_CONFIG, &variables, UPDATE_REPORT_NOTHING);
+    }
+    return result;
+}
+
+void update_question_answer(const struct update_question *question,
+                            char answer[UPDATE_SENTENCE_SIZE])
+{
+    struct update_bundle bundle;
+    struct update_offer offer;
+
+    if (update_bundle_read_description(DESCRIPTION, &bundle) < 0) {
+        snprintf(answer, UPDATE_SENTENCE_SIZE,
+                 "Its description isn't as this appliance's are, though it is signed.");
+    } else {
+        fill_offer(&offer, &bundle, question);
+        if (update_offer_judge(&offer, answer, UPDATE_SENTENCE_SIZE)) {
+            answer[0] = '\0';
+            if (keep_this_slot(question) < 0) {
+                snprintf(answer, UPDATE_SENTENCE_SIZE, "U-Boot's environment can't be written.");
+            } else if (!update_slot_protect(question->other, false)) {
+                snprintf(answer, UPDATE_SENTENCE_SIZE, "The slot can't be made writable.");
+            }
+        }
+    }
+}

@@ -1,0 +1,205 @@
+/* The service update's socket: who asks, from another thread, and what is answered. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <errno.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "appliance/update_gate.h"
+#include "loop_until.h"
+
+static char folder[] = "/tmp/odid-gate-XXXXXX";
+static bool known, judged_unattended;
+static const char *verdict;
+
+static struct {
+    pthread_t thread;
+    const char *word;
+    char answer[UPDATE_SENTENCE_SIZE];
+    int result;
+    atomic_bool done;
+} asker;
+
+static bool is_known(void)
+{
+    return known;
+}
+
+static void judge(bool unattended, char answer[UPDATE_SENTENCE_SIZE])
+{
+    judged_unattended = unattended;
+    snprintf(answer, UPDATE_SENTENCE_SIZE, "%s", verdict);
+}
+
+static void cancel(char answer[UPDATE_SENTENCE_SIZE])
+{
+    snprintf(answer, UPDATE_SENTENCE_SIZE, "called off: %s", verdict);
+}
+
+static int begin_all(void **state)
+{
+    static const struct update_gate_calls calls = {is_known, judge, cancel};
+
+    (void)state;
+    return mkdtemp(folder) == NULL || loop_init() < 0 || update_gate_serve(folder, &calls) < 0;
+}
+
+static int end_all(void **state)
+{
+    char path[sizeof(folder) + 32];
+
+    (void)state;
+    snprintf(path, sizeof(path), "%s/" UPDATE_GATE_SOCKET, folder);
+    unlink(path);
+    return rmdir(folder);
+}
+
+static int begin(void **state)
+{
+    (void)state;
+    known = true;
+    verdict = "";
+    return 0;
+}
+
+static void *ask(void *context)
+{
+    (void)context;
+    asker.result = update_gate_ask(folder, asker.word, asker.answer);
+    asker.done = true;
+    return NULL;
+}
+
+static bool is_answered(void)
+{
+    return asker.done;
+}
+
+static void begin_asking(const char *word)
+{
+    asker.word = word;
+    asker.done = false;
+    strcpy(asker.answer, "nothing");
+    assert_int_equal(pthread_create(&asker.thread, NULL, ask, NULL), 0);
+}
+
+/* The sentence. */
+static const char *answer_within(int ms)
+{
+    assert_true(loop_until(is_answered, ms));
+    pthread_join(asker.thread, NULL);
+    assert_int_equal(asker.result, 0);
+    return asker.answer;
+}
+
+static void one_word_one_sentence(void **state)
+{
+    (void)state;
+    begin_asking("gate");
+    assert_string_equal(answer_within(1000), "");
+    verdict = "Because.";
+    begin_asking("gate");
+    assert_string_equal(answer_within(1000), "Because.");
+    begin_asking("cancel");
+    assert_string_equal(answer_within(1000), "called off: Because.");
+}
+
+/* SWUpdate's word that it has begun comes by another way. */
+static void the_answer_waits_until_it_is_known_what_is_asked(void **state)
+{
+    (void)state;
+    known = false;
+    begin_asking("gate");
+    run_ms(400);
+    assert_false(asker.done);
+    known = true;
+    assert_string_equal(answer_within(400), "");
+}
+
+static void and_no_longer_than_five_seconds(void **state)
+{
+    (void)state;
+    known = false;
+    begin_asking("gate");
+    run_ms(2000);
+    assert_false(asker.done);
+    assert_non_null(strstr(answer_within(4000), "didn't say that it has begun"));
+}
+
+static void unattended_as_long_as_somebody_says_so(void **state)
+{
+    int fd;
+
+    (void)state;
+    fd = update_gate_say(folder, "unattended");
+    assert_true(fd >= 0);
+    begin_asking("gate");
+    answer_within(1000);
+    assert_true(judged_unattended);
+    close(fd);
+    begin_asking("gate");
+    answer_within(1000);
+    assert_false(judged_unattended);
+}
+
+static void whoever_says_nothing_or_nonsense_takes_no_place(void **state)
+{
+    int fds[20];
+
+    (void)state;
+    for (unsigned i = 0; i < 20; i++) {
+        fds[i] =
+            update_gate_say(folder, i % 2 == 0 ? "something else" : "a word that is far too long");
+        assert_true(fds[i] >= 0);
+        run_ms(10);
+    }
+    begin_asking("gate");
+    assert_string_equal(answer_within(1000), "");
+    for (unsigned i = 0; i < 20; i++) {
+        close(fds[i]);
+    }
+}
+
+static void it_is_roots(void **state)
+{
+    char path[sizeof(folder) + 32];
+    struct stat file;
+
+    (void)state;
+    snprintf(path, sizeof(path), "%s/" UPDATE_GATE_SOCKET, folder);
+    assert_int_equal(stat(path, &file), 0);
+    assert_int_equal(file.st_mode & 0777, 0600);
+}
+
+static void nobody_there_is_an_error(void **state)
+{
+    char answer[UPDATE_SENTENCE_SIZE];
+
+    (void)state;
+    assert_int_equal(update_gate_ask("/tmp", "gate", answer), -ENOENT);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup(one_word_one_sentence, begin),
+        cmocka_unit_test_setup(the_answer_waits_until_it_is_known_what_is_asked, begin),
+        cmocka_unit_test_setup(and_no_longer_than_five_seconds, begin),
+        cmocka_unit_test_setup(unattended_as_long_as_somebody_says_so, begin),
+        cmocka_unit_test_setup(whoever_says_nothing_or_nonsense_takes_no_place, begin),
+        cmocka_unit_test_setup(it_is_roots, begin),
+        cmocka_unit_test_setup(nobody_there_is_an_error, begin),
+    };
+
+    return cmocka_run_group_tests(tests, begin_all, end_all);
+}

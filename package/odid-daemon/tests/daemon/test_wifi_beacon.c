@@ -1,0 +1,276 @@
+/* The pack in hostapd's beacons, against a played hostapd. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "simulated_time.h"
+
+#include "daemon/messages.h"
+#include "daemon/wifi_beacon.h"
+#include "fake_hostapd.h"
+#include "loop_until.h"
+
+static struct fake_hostapd fake;
+static struct config config;
+static struct radio radio;
+static char expected[8];
+
+static void set(uint8_t counter)
+{
+    const uint8_t element[] = {0xDD, 0x01, counter};
+
+    snprintf(expected, sizeof(expected), "dd01%02x", counter);
+    wifi_beacon_set(element, sizeof(element), loop_now_us());
+}
+
+/* What it was told last is in the beacon. */
+static bool it_is_in_the_beacon(void)
+{
+    return strcmp(fake.beacon, expected) == 0 && radio.state == RADIO_ON_AIR;
+}
+
+static void start(void)
+{
+    static uint8_t counter;
+
+    memset(&config, 0, sizeof(config));
+    config.wifi_beacon_enabled = true;
+    snprintf(config.wifi_iface, sizeof(config.wifi_iface), "wlan0");
+    snprintf(config.hostapd_dir, sizeof(config.hostapd_dir), "%s", fake.directory);
+    snprintf(config.run_dir, sizeof(config.run_dir), "%s", fake.directory);
+    wifi_beacon_start(&config, &radio, loop_now_us());
+    set(++counter);
+}
+
+static int set_up(void **state)
+{
+    (void)state;
+    fake_hostapd_start(&fake);
+    return 0;
+}
+
+static bool it_is_absent(void)
+{
+    return radio.state == RADIO_ABSENT;
+}
+
+static bool it_is_lost(void)
+{
+    return radio.state == RADIO_LOST;
+}
+
+static bool it_is_down(void)
+{
+    return radio.state == RADIO_DOWN;
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    wifi_beacon_stop();
+    return fake_hostapd_end(&fake) ? 0 : -1;
+}
+
+static bool it_is_confirmed(void)
+{
+    return radio.confirmed_us > radio.accepted_us;
+}
+
+static void an_unchanged_element_is_confirmed(void **state)
+{
+    (void)state;
+    start();
+    assert_true(loop_until(it_is_in_the_beacon, 500));
+    assert_true(loop_until(it_is_confirmed, 1500));
+    assert_int_equal(radio.payloads, 1);
+    assert_true(radio.confirmed_us - radio.unbroken_us < RADIO_PAUSE_US);
+}
+
+static void an_element_gets_into_the_beacon(void **state)
+{
+    (void)state;
+    start();
+    assert_true(loop_until(it_is_in_the_beacon, 500));
+    assert_int_equal(radio.payloads, 1);
+    assert_int_equal(fake.statuses, 1); /* asked first */
+    set(200);
+    assert_true(loop_until(it_is_in_the_beacon, 500));
+    assert_int_equal(radio.payloads, 2);
+    assert_int_equal(radio.failures, 0);
+}
+
+static void the_same_element_is_not_sent_again(void **state)
+{
+    (void)state;
+    start();
+    assert_true(loop_until(it_is_in_the_beacon, 500));
+    for (int i = 0; i < 10; i++) {
+        set((uint8_t)strtoul(expected + 4, NULL, 16));
+        run_ms(5);
+    }
+    assert_int_equal(fake.sets, 1);
+}
+
+static void of_several_elements_the_newest_is_sent(void **state)
+{
+    (void)state;
+    start();
+    assert_true(loop_until(it_is_in_the_beacon, 500));
+    set(100);
+    set(101);
+    set(102);
+    assert_true(loop_until(it_is_in_the_beacon, 500));
+    assert_true(fake.sets <= 3);
+}
+
+static void hostapd_is_asked_once_a_second_by_itself(void **state)
+{
+    (void)state;
+    start();
+    run_ms(2300);
+    assert_in_range(fake.statuses, 3, 4);
+}
+
+static void a_hostapd_that_restarts_has_the_element_within_a_second(void **state)
+{
+    (void)state;
+    start();
+    assert_true(loop_until(it_is_in_the_beacon, 500));
+    fake_hostapd_die(&fake);
+    assert_true(loop_until(it_is_lost, 1200)); /* at the next question, at the latest */
+    assert_true(loop_until(it_is_absent, 500));
+    run_ms(1500);
+    fake_hostapd_run(&fake);
+    assert_true(loop_until(it_is_in_the_beacon, 1100));
+    assert_int_equal(radio.starts, 2);
+}
+
+static void a_hostapd_that_hangs_is_lost_and_asked_again(void **state)
+{
+    (void)state;
+    start();
+    assert_true(loop_until(it_is_in_the_beacon, 500));
+    fake.hangs = true;
+    set(50);
+    assert_true(loop_until(it_is_lost, 1500));
+    assert_non_null(strstr(radio.detail, "doesn't answer"));
+    set(51);
+    assert_true(wifi_beacon_waits());
+    fake.hangs = false;
+    assert_true(loop_until(it_is_in_the_beacon, 1500));
+    assert_false(wifi_beacon_waits());
+}
+
+static void a_disabled_interface_is_down_and_gets_the_element_again(void **state)
+{
+    (void)state;
+    start();
+    assert_true(loop_until(it_is_in_the_beacon, 500));
+    fake.disabled = true;
+    memset(fake.beacon, 0, sizeof(fake.beacon));
+    assert_true(loop_until(it_is_down, 1200));
+    assert_non_null(strstr(radio.detail, "DISABLED"));
+    fake.sets = 0;
+    set(60);
+    run_ms(300);
+    assert_int_equal(fake.sets, 0);
+    fake.disabled = false;
+    assert_true(loop_until(it_is_in_the_beacon, 1200));
+}
+
+/* It was in the beacons before: what takes its place replaces nothing. */
+static void one_that_is_given_again_does_not_wait(void **state)
+{
+    (void)state;
+    start();
+    assert_true(loop_until(it_is_in_the_beacon, 500));
+    fake.disabled = true;
+    assert_true(loop_until(it_is_down, 1200));
+    fake.set_reply = "FAIL\n";
+    fake.disabled = false;
+    assert_true(loop_until(it_is_lost, 1200));
+    assert_false(wifi_beacon_waits());
+    set(65);
+    assert_true(wifi_beacon_waits());
+    fake.set_reply = "OK\n";
+    assert_true(loop_until(it_is_in_the_beacon, 1200));
+    assert_false(wifi_beacon_waits());
+}
+
+static void a_refused_element_is_told_and_tried_again(void **state)
+{
+    (void)state;
+    start();
+    assert_true(loop_until(it_is_in_the_beacon, 500));
+    fake.set_reply = "FAIL\n";
+    set(70);
+    run_ms(600);
+    assert_int_equal(radio.state, RADIO_LOST);
+    assert_non_null(strstr(radio.detail, "\"FAIL\" to SET vendor_elements"));
+    assert_in_range(fake.sets, 3, 5);
+    assert_true(radio.failures >= 2);
+    fake.set_reply = "OK\n";
+    assert_true(loop_until(it_is_in_the_beacon, 500));
+}
+
+static void a_refused_update_is_told_and_tried_again(void **state)
+{
+    (void)state;
+    start();
+    assert_true(loop_until(it_is_in_the_beacon, 500));
+    fake.update_reply = "FAIL\n";
+    set(80);
+    run_ms(100);
+    assert_int_equal(radio.state, RADIO_LOST);
+    fake.update_reply = "OK\n";
+    assert_true(loop_until(it_is_in_the_beacon, 500));
+}
+
+static void a_hostapd_that_forgot_is_told_again_after_a_while(void **state)
+{
+    (void)state;
+    start();
+    assert_true(loop_until(it_is_in_the_beacon, 500));
+    memset(fake.beacon, 0, sizeof(fake.beacon));
+    assert_true(loop_until(it_is_in_the_beacon, 5500));
+}
+
+static void the_end_takes_the_element_out_of_the_beacon(void **state)
+{
+    (void)state;
+    start();
+    assert_true(loop_until(it_is_in_the_beacon, 500));
+    set(90); /* even while it is being told something else */
+    wifi_beacon_stop();
+    run_ms(50);
+    assert_string_equal(fake.beacon, "");
+    assert_int_equal(fake.sets, 3);
+}
+
+int main(void)
+{
+#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+    const struct CMUnitTest tests[] = {
+        TEST(an_element_gets_into_the_beacon),
+        TEST(an_unchanged_element_is_confirmed),
+        TEST(the_same_element_is_not_sent_again),
+        TEST(of_several_elements_the_newest_is_sent),
+        TEST(hostapd_is_asked_once_a_second_by_itself),
+        TEST(a_hostapd_that_restarts_has_the_element_within_a_second),
+        TEST(a_hostapd_that_hangs_is_lost_and_asked_again),
+        TEST(a_disabled_interface_is_down_and_gets_the_element_again),
+        TEST(one_that_is_given_again_does_not_wait),
+        TEST(a_refused_element_is_told_and_tried_again),
+        TEST(a_refused_update_is_told_and_tried_again),
+        TEST(a_hostapd_that_forgot_is_told_again_after_a_while),
+        TEST(the_end_takes_the_element_out_of_the_beacon),
+    };
+
+    if (loop_init() < 0) {
+        return 1;
+    }
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

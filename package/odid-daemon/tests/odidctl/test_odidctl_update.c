@@ -1,0 +1,170 @@
+/* Which of a stick's files is tried again: what "odidctl update DIR" remembers. SWUpdate and the
+ * service update are models. (Giving one to the real ones: tests/update.) */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#define ipc_inst_start_ext model_start
+#define ipc_end model_end
+#define update_gate_say model_say
+#define armed_not_disarmed model_not_disarmed
+#include "odidctl/odidctl_update.c"
+#include "own_folder.h"
+
+/* ---- the models ---- */
+
+static bool armed, busy, takes;
+
+static void put(const char *path, const char *text)
+{
+    assert_int_equal(whole_file_replace(path, text, strlen(text), 0644), 0);
+}
+
+/* It refuses what it is given before it has read it, unless it takes it. */
+int model_start(void *request, ssize_t size)
+{
+    (void)request, (void)size;
+    if (busy) {
+        return -1;
+    }
+    if (takes) {
+        put("state/" UPDATE_STATE_FILE, "{ \"state\": \"waiting-for-reboot\" }\n");
+        return open("/dev/null", O_WRONLY | O_CLOEXEC);
+    }
+    put("state/" UPDATE_STATE_FILE, "{ \"state\": \"idle\" }\n");
+    put("data/" UPDATE_RESULT_FILE, "{ \"sentence\": \"It isn't signed.\" }\n");
+    return open("/dev/null", O_WRONLY | O_CLOEXEC);
+}
+
+void model_end(int installer)
+{
+    close(installer);
+}
+
+int model_say(const char *directory, const char *word)
+{
+    (void)directory, (void)word;
+    return open("/dev/null", O_RDONLY | O_CLOEXEC);
+}
+
+const char *model_not_disarmed(const struct places *places)
+{
+    (void)places;
+    return armed ? "The aircraft is armed" : NULL;
+}
+
+/* ---- tests ---- */
+
+static const struct places places = {.data = "data", .state = "state"};
+
+/* A file of that many octets is offered; written at one and the same time, or it would be another.
+ */
+static bool is_left_alone(unsigned octets, char identity[UPDATE_IDENTITY_SIZE])
+{
+    static const struct timespec written[2] = {{.tv_sec = 1}, {.tv_sec = 1}};
+    static char text[32];
+
+    assert_int_equal(whole_file_replace("stick/odid.swu", text, octets, 0644), 0);
+    assert_int_equal(utimensat(AT_FDCWD, "stick/odid.swu", written, 0), 0);
+    return is_tried_again(&places, "stick/odid.swu", identity);
+}
+
+static void switch_off_and_on(void)
+{
+    unlink("state/" UPDATE_STICK_FAILURES_FILE);
+}
+
+/* Two of them took turns: each was forgotten for the other one, at each power-on. */
+static void the_last_eight_files_that_came_to_nothing_are_left_alone(void **state)
+{
+    char identity[UPDATE_IDENTITY_SIZE];
+
+    (void)state;
+    for (unsigned octets = 1; octets <= 9; octets++) {
+        assert_false(is_left_alone(octets, identity));
+        note_failure(&places, identity, &(struct attempt){.counts = true, .tried = true});
+        switch_off_and_on();
+    }
+    for (unsigned octets = 9; octets >= 2; octets--) {
+        assert_true(is_left_alone(octets, identity));
+    }
+    assert_false(is_left_alone(1, identity));
+}
+
+static void after_two_of_them_none_is_tried_until_power_off(void **state)
+{
+    char identity[UPDATE_IDENTITY_SIZE];
+
+    (void)state;
+    for (unsigned octets = 11; octets <= 12; octets++) {
+        assert_false(is_left_alone(octets, identity));
+        note_failure(&places, identity, &(struct attempt){.counts = true, .tried = true});
+    }
+    assert_true(is_left_alone(13, identity));
+    switch_off_and_on();
+    assert_false(is_left_alone(13, identity));
+}
+
+/* Such a stick came again and again. */
+static void one_that_is_refused_at_once_counts_until_power_off(void **state)
+{
+    char identity[UPDATE_IDENTITY_SIZE];
+
+    (void)state;
+    switch_off_and_on();
+    for (unsigned i = 0; i < 8; i++) { /* not what the bundle isn't to blame for */
+        armed = i % 2 == 0;
+        busy = !armed;
+        assert_false(is_left_alone(21, identity));
+        assert_int_not_equal(try_file(&places, "stick/odid.swu", "2", identity), ODIDCTL_GOOD);
+    }
+    armed = busy = false;
+    for (unsigned i = 0; i < STICK_FAILURES_MAX; i++) {
+        assert_false(is_left_alone(21, identity));
+        assert_int_not_equal(try_file(&places, "stick/odid.swu", "2", identity), ODIDCTL_GOOD);
+    }
+    assert_true(is_left_alone(21, identity));
+    assert_true(is_left_alone(22, identity));
+    switch_off_and_on();
+    assert_false(is_left_alone(21, identity));
+}
+
+/* Two took turns, each rolled back: of those that fail their trial only the last one is known. */
+static void one_that_was_written_is_left_alone_whatever_becomes_of_it(void **state)
+{
+    char identity[UPDATE_IDENTITY_SIZE];
+
+    (void)state;
+    takes = true;
+    for (unsigned octets = 25; octets <= 26; octets++) {
+        switch_off_and_on();
+        put("state/" UPDATE_STATE_FILE, "{ \"state\": \"idle\" }\n");
+        assert_false(is_left_alone(octets, identity));
+        assert_int_equal(try_file(&places, "stick/odid.swu", "2", identity), ODIDCTL_GOOD);
+    }
+    takes = false;
+    assert_true(is_left_alone(25, identity));
+    assert_true(is_left_alone(26, identity));
+    assert_false(is_left_alone(27, identity)); /* nor does it count as one that came to nothing */
+}
+
+static int in_a_folder(void **state)
+{
+    (void)state;
+    return enter_own_folder() < 0 || system("mkdir -p data/odid state stick") != 0 ? -1 : 0;
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_last_eight_files_that_came_to_nothing_are_left_alone),
+        cmocka_unit_test(one_that_was_written_is_left_alone_whatever_becomes_of_it),
+        cmocka_unit_test(one_that_is_refused_at_once_counts_until_power_off),
+        cmocka_unit_test(after_two_of_them_none_is_tried_until_power_off),
+    };
+
+    return cmocka_run_group_tests(tests, in_a_folder, leave_own_folder);
+}

@@ -1,0 +1,134 @@
+/* The board's sensors and faults, on a tree of files. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "recorder/recorder_board.h"
+
+static char root[64];
+static struct recorder_board_reader reader;
+static struct recorder_board board;
+
+static int set_up(void **state)
+{
+    (void)state;
+    snprintf(root, sizeof(root), "/tmp/odid-board-XXXXXX");
+    reader = (struct recorder_board_reader){.root = root};
+    return mkdtemp(root) == NULL ? -1 : 0;
+}
+
+static int tear_down(void **state)
+{
+    char command[128];
+
+    (void)state;
+    snprintf(command, sizeof(command), "rm -rf %s", root);
+    return system(command);
+}
+
+static void put(const char *path, const char *content)
+{
+    char whole[256];
+    FILE *file;
+
+    snprintf(whole, sizeof(whole), "%s%s", root, path);
+    for (char *slash = strchr(whole + strlen(root) + 1, '/'); slash != NULL;
+         slash = strchr(slash + 1, '/')) {
+        *slash = '\0';
+        mkdir(whole, 0755);
+        *slash = '/';
+    }
+    file = fopen(whole, "w");
+    assert_non_null(file);
+    fputs(content, file);
+    fclose(file);
+}
+
+static void a_board_without_any_of_it(void **state)
+{
+    static const struct recorder_board nothing;
+
+    (void)state;
+    recorder_board_read(&reader, &board);
+    assert_memory_equal(&board, &nothing, sizeof(board));
+}
+
+static void the_kernels_alarm(void **state)
+{
+    (void)state;
+    put("/sys/class/hwmon/hwmon0/name", "cpu_thermal\n");
+    put("/sys/class/hwmon/hwmon0/in0_lcrit_alarm", "1\n"); /* somebody else's */
+    put("/sys/class/hwmon/hwmon1/name", "rpi_volt\n");
+    put("/sys/class/hwmon/hwmon1/in0_lcrit_alarm", "0\n");
+    recorder_board_read(&reader, &board);
+    assert_false(board.undervoltage);
+    put("/sys/class/hwmon/hwmon1/in0_lcrit_alarm", "1\n");
+    recorder_board_read(&reader, &board);
+    assert_true(board.undervoltage);
+    assert_false(board.throttled);
+}
+
+#define FIRMWARE "/sys/devices/platform/soc/soc:firmware/get_throttled"
+
+static void the_firmwares_flags(void **state)
+{
+    (void)state;
+    put(FIRMWARE, "0\n");
+    recorder_board_read(&reader, &board);
+    assert_false(board.undervoltage || board.throttled);
+    put(FIRMWARE, "50005\n"); /* under-voltage and throttled: now, and has been */
+    recorder_board_read(&reader, &board);
+    assert_true(board.undervoltage && board.throttled);
+    put(FIRMWARE, "50000\n"); /* has been; that is known already */
+    recorder_board_read(&reader, &board);
+    assert_false(board.undervoltage || board.throttled);
+    assert_false(board.was_undervoltage || board.was_throttled);
+    put(FIRMWARE, "0xd0000"); /* and the temperature's soft limit, between two looks */
+    recorder_board_read(&reader, &board);
+    assert_false(board.undervoltage || board.throttled || board.was_undervoltage);
+    assert_true(board.was_throttled);
+    put(FIRMWARE, "nonsense");
+    recorder_board_read(&reader, &board);
+    assert_false(board.undervoltage || board.throttled);
+}
+
+static void the_appliances_faults(void **state)
+{
+    char path[64];
+
+    (void)state;
+    put("/run/faults/data", "/data is full: \x01 delete \"something\".\nmore\n");
+    put("/run/faults/.wireless", "not yet");
+    recorder_board_read(&reader, &board);
+    assert_int_equal(board.faults, 1);
+    assert_string_equal(board.fault[0].name, "data");
+    assert_string_equal(board.fault[0].text, "/data is full: ? delete \"something\".");
+    for (int i = 0; i < 40; i++) {
+        snprintf(path, sizeof(path), "/run/faults/a-name-that-is-much-longer-than-usual-%d", i);
+        put(path, "");
+    }
+    recorder_board_read(&reader, &board);
+    assert_int_equal(board.faults, RECORDER_BOARD_FAULTS);
+}
+
+int main(void)
+{
+#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+    const struct CMUnitTest tests[] = {
+        TEST(a_board_without_any_of_it),
+        TEST(the_kernels_alarm),
+        TEST(the_firmwares_flags),
+        TEST(the_appliances_faults),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,37 @@
+"""`make check` sees a source that includes what its room may not know."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+CHECK = Path(__file__).parent / "levels/rooms.py"
+
+
+def check(folder, room, included):
+    path = folder / "src" / room / "module.c"
+    path.parent.mkdir(parents=True)
+    path.write_text(f'#include <stdio.h>\n\n#include "{included}"\n')
+    return subprocess.run([sys.executable, CHECK, path], capture_output=True, text=True)
+
+
+@pytest.mark.parametrize("room, included, said", [
+    ("web", "odidctl/odidctl.h", "web may not know odidctl"),
+    ("base", "config/config.h", "base may not know config"),
+    ("flights", "recorder/recorder.h", "flights may not know recorder"),
+    ("daemon", "loop.h", 'expected "FOLDER/loop.h"'),
+])
+def test_what_may_not_be_known_is_named(tmp_path, room, included, said):
+    result = check(tmp_path, room, included)
+    assert result.returncode == 1 and said in result.stdout
+
+
+@pytest.mark.parametrize("room, included", [("web", "appliance/places.h"), ("config", "base/earth.h"), ("radio", "radio/hci.h")])
+def test_what_may_be_known_passes(tmp_path, room, included):
+    result = check(tmp_path, room, included)
+    assert result.returncode == 0 and not result.stdout
+
+
+def test_nothing_to_look_at_is_no_pass():
+    assert subprocess.run([sys.executable, CHECK]).returncode == 1
