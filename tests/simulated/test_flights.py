@@ -175,6 +175,20 @@ def test_a_daemon_that_begins_without_heartbeats_asks_for_them_and_tells_the_pil
     assert max(after - before for before, after in pairwise([START_US / 1e6 + AT_S + 7, *told])) < 4
 
 
+def test_an_old_disarmed_is_no_word_of_one_that_speaks_on(make_flight):
+    """Settings, the page and updates were open in the air, where its HEARTBEATs were held back and it flew slowly."""
+    flight = make_flight(kept=True)
+    kept = flight.world.root / "run/odid/kept"
+    flight.at(2.5, setattr, flight.autopilot, "rewrite", lambda message: message.get_type() != "HEARTBEAT")
+    flight.fly(2.5)
+    assert "armed no" in kept.read_text().splitlines()
+    flight.fly(6.5)
+    assert "armed unsaid" in kept.read_text().splitlines()
+    flight.at(6.5, setattr, flight.autopilot, "rewrite", lambda message: False)
+    flight.fly(12)
+    assert "armed silent" in kept.read_text().splitlines()
+
+
 def test_a_channel_that_one_daemon_had_on_the_air_is_missed_by_the_next_one(make_flight):
     """Its controller came back without Bluetooth 5; that was forgotten, and the pilot was told that all is well."""
     flight = make_flight(kept=True)

@@ -26,7 +26,7 @@ def refusals():
     offer = (ROOT / "package/odid-daemon/src/appliance/update_offer.c").read_text()
     gate = [re.sub(r'"\s*"', "", re.sub(r'"\s*PRIu64\s*"', "s", one)).strip().strip('"') for one in
             re.findall(r'refuse\(why, size,\s*((?:"[^"]*"|\s|PRIu64)+)', offer)]
-    assert len(gate) == 12
+    assert len(gate) == 14
     installer = re.findall(r'\{"[^"]+", "([^"]+)"\}', (ROOT / "package/odid-daemon/src/update/update_installer.c").read_text())
     return [f"The update was refused: {re.sub(r'[$]{.+?}|[$][a-z_]+|%s', '1.3.0', sentence)}"
             for sentence in dict.fromkeys(gate + installer)]

@@ -50,7 +50,9 @@ enum armed armed_look(const char *run_dir, struct kept *kept)
     if (kept_read(run_dir, kept) < 0) {
         return armed ? ARMED_YES : ARMED_UNKNOWN;
     }
-    return armed || kept->armed == KEPT_ARMED ? ARMED_YES : ARMED_NO;
+    return armed || kept->armed == KEPT_ARMED ? ARMED_YES
+           : kept->armed == KEPT_UNSAID       ? ARMED_UNSAID
+                                              : ARMED_NO;
 }
 
 const char *armed_not_disarmed(const struct places *places)
@@ -59,7 +61,9 @@ const char *armed_not_disarmed(const struct places *places)
         [ARMED_NO] = NULL,
         [ARMED_YES] = "The aircraft is armed",
         [ARMED_UNKNOWN] =
-            "Whether the aircraft is armed isn't known, for the daemon doesn't answer"};
+            "Whether the aircraft is armed isn't known, for the daemon doesn't answer",
+        [ARMED_UNSAID] =
+            "Whether the aircraft is armed isn't known, for no HEARTBEAT comes that says it"};
     struct kept kept;
 
     return sentences[armed_look(places->run_dir, &kept)];

@@ -8,7 +8,12 @@
 #include "appliance/kept.h"
 #include "appliance/places.h"
 
-enum armed { ARMED_NO, ARMED_YES, ARMED_UNKNOWN };
+enum armed {
+    ARMED_NO,
+    ARMED_YES,
+    ARMED_UNKNOWN, /* the daemon doesn't answer */
+    ARMED_UNSAID,  /* the vehicle speaks, and doesn't say it */
+};
 
 /* What the daemon itself says in that; NULL says nothing. */
 bool armed_says(struct json_object *status);
@@ -16,7 +21,8 @@ bool armed_says(struct json_object *status);
 /*
  * NULL when the aircraft is disarmed; else why that can't be said, for people: to
  * begin a sentence. By what the daemon keeps (kept.h): one that was lost after
- * arming is armed, one never heard since power-on isn't. A daemon that gives no
+ * arming is armed, one never heard since power-on isn't, nor one that was lost
+ * disarmed. A daemon that gives no
  * answer for two seconds never says disarmed.
  */
 const char *armed_not_disarmed(const struct places *places);

@@ -3,7 +3,10 @@
  * a restart and for everybody else. run_dir is a tmpfs: gone with the power.
  *
  *   vehicle 7                  MAVLink system id; 0 while none is known
- *   armed yes                  yes, no, or unheard: no autopilot since power-on
+ *   armed yes                  yes, or no: by what the autopilot says; what it
+ *                              said last was no, and it is silent, or speaks on
+ *                              without a HEARTBEAT (unsaid: nobody knows then);
+ *                              unheard: no autopilot since power-on
  *   armed-once yes             since power-on: yes or no
  *   fix yes                    the autopilot has a GNSS fix: yes or no
  *   vertical-inverted no       it sends its vertical speed upside down: yes or no
@@ -33,7 +36,7 @@ struct kept_takeoff {
     double altitude_msl_m, altitude_geodetic_m; /* each NAN when unknown */
 };
 
-enum kept_armed { KEPT_UNHEARD, KEPT_DISARMED, KEPT_ARMED };
+enum kept_armed { KEPT_UNHEARD, KEPT_DISARMED, KEPT_ARMED, KEPT_SILENT, KEPT_UNSAID };
 
 struct kept {
     uint8_t vehicle; /* MAVLink system id, 1..255; 0: none was known */

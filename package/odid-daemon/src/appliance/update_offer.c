@@ -57,6 +57,9 @@ bool update_versions_judge(const struct update_versions *versions, char *why, un
 
 bool update_offer_judge(const struct update_offer *offer, char *why, unsigned long size)
 {
+    bool alone =
+        offer->versions.unattended || offer->versions.from_server; /* nobody asked for it */
+
     if (offer->undecided) {
         return refuse(why, size,
                       "Another update is on trial or waits for the reboot; try again when it is "
@@ -76,7 +79,17 @@ bool update_offer_judge(const struct update_offer *offer, char *why, unsigned lo
         return refuse(why, size,
                       "Whether the aircraft is armed isn't known, for the daemon doesn't answer.");
     }
-    if ((offer->versions.unattended || offer->versions.from_server) && !offer->remembers) {
+    if (offer->armed == UPDATE_ARMED_UNSAID) {
+        return refuse(why, size,
+                      "Whether the aircraft is armed isn't known, for no HEARTBEAT comes that says "
+                      "it.");
+    }
+    if (offer->armed == UPDATE_SILENT && alone) {
+        return refuse(why, size,
+                      "The autopilot has fallen silent, and nobody is there to say that it doesn't "
+                      "fly; the page or odidctl installs it.");
+    }
+    if (alone && !offer->remembers) {
         return refuse(why, size,
                       "Whether it failed before can't be kept in /data; the page or odidctl "
                       "installs it.");

@@ -179,14 +179,24 @@ static void write_kept(void)
     self.kept_behind = result < 0; /* tried again at each look: others go by it */
 }
 
+/* An old "disarmed" is no word of one that speaks on without it: it may fly. One that is silent may
+ * be switched off. */
+static enum kept_armed word_of(const struct aircraft_condition *condition, int64_t now_us)
+{
+    return condition->armed                                   ? KEPT_ARMED
+           : condition->heartbeat_fresh                       ? KEPT_DISARMED
+           : telemetry_vehicle_speaks(self.telemetry, now_us) ? KEPT_UNSAID
+                                                              : KEPT_SILENT;
+}
+
 /* The take-off point for a restart in flight only: that of a flight that ended must not pass for
  * the next one's. */
-static void keep(uint8_t vehicle, const struct aircraft_condition *condition)
+static void keep(uint8_t vehicle, const struct aircraft_condition *condition, int64_t now_us)
 {
     static const struct kept_takeoff none;
     bool armed = condition->armed;
     const struct kept_takeoff *takeoff = armed ? aircraft_takeoff(self.aircraft) : &none;
-    enum kept_armed word = armed ? KEPT_ARMED : KEPT_DISARMED;
+    enum kept_armed word = word_of(condition, now_us);
 
     if (!self.kept_behind && vehicle == self.kept.vehicle && word == self.kept.armed &&
         condition->fix_known == self.kept.fix_known &&
@@ -295,7 +305,8 @@ static void on_look(void *context, int64_t now_us)
     }
     if (decided) {
         /* Others keep it over power-offs: not whoever passed by. */
-        keep(telemetry_vehicle_settled(self.telemetry) ? vehicle : self.kept.vehicle, &condition);
+        keep(telemetry_vehicle_settled(self.telemetry) ? vehicle : self.kept.vehicle, &condition,
+             now_us);
     }
     keep_channels();
     self.look_us += LOOK_US;

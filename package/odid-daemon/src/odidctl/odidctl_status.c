@@ -47,8 +47,10 @@ static int say_no_answer(const char *run_dir, int error)
 
 int odidctl_tell_armed(const struct places *places)
 {
-    static const char *const words[] = {
-        [ARMED_NO] = "disarmed", [ARMED_YES] = "armed", [ARMED_UNKNOWN] = "unknown"};
+    static const char *const words[] = {[ARMED_NO] = "disarmed",
+                                        [ARMED_YES] = "armed",
+                                        [ARMED_UNKNOWN] = "unknown",
+                                        [ARMED_UNSAID] = "unknown"};
     struct kept kept;
     enum armed armed = armed_look(places->run_dir, &kept);
 

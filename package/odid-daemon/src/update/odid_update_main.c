@@ -159,8 +159,9 @@ static struct json_object *ask(struct update_board *board)
 
     memset(board, 0, sizeof(*board));
     self.time_known = self.time_known || json_object_get_boolean(known);
-    board->armed = armed_says(status) || update_armed(&self.update, ran ? &kept : NULL,
-                                                      status != NULL, self.reason[0] != '\0');
+    board->armed =
+        armed_says(status) || update_armed(&self.update, ran ? &kept : NULL, status != NULL,
+                                           self.record.from_server, self.reason[0] != '\0');
     return status;
 }
 

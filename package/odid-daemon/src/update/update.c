@@ -54,8 +54,14 @@ void update_init(struct update *update, int64_t now_us)
     idle(update, now_us);
 }
 
+/* For the restart into a new slot. */
+static bool may_fly(const struct kept *kept, bool answered, bool unattended)
+{
+    return !answered || kept->armed == KEPT_UNSAID || (kept->armed == KEPT_SILENT && unattended);
+}
+
 bool update_armed(const struct update *update, const struct kept *kept, bool answered,
-                  bool given_up)
+                  bool unattended, bool given_up)
 {
     if (kept != NULL && kept->armed == KEPT_ARMED) {
         return true;
@@ -63,7 +69,7 @@ bool update_armed(const struct update *update, const struct kept *kept, bool ans
     if (update->state == UPDATE_TRIAL || given_up) {
         return false;
     }
-    return kept == NULL || (update->state == UPDATE_WAITING && !answered);
+    return kept == NULL || (update->state == UPDATE_WAITING && may_fly(kept, answered, unattended));
 }
 
 /* ---- install ---- */

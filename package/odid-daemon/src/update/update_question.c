@@ -86,6 +86,8 @@ static void fill_offer(struct update_offer *offer, const struct update_bundle *b
         .given_up = variables.trial_failed == question->running,
         .armed = (ran && kept.armed == KEPT_ARMED) || armed_says(status) ? UPDATE_ARMED
                  : status == NULL || !ran                                ? UPDATE_ARMED_UNKNOWN
+                 : kept.armed == KEPT_UNSAID                             ? UPDATE_ARMED_UNSAID
+                 : kept.armed == KEPT_SILENT                             ? UPDATE_SILENT
                                                                          : UPDATE_DISARMED,
         .remembers = remembers(),
     };

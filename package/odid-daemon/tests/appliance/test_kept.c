@@ -217,7 +217,7 @@ static void armed_is_kept(void **state)
     struct kept in = {.vehicle = 7, .armed_once = true}, out;
 
     (void)state;
-    for (enum kept_armed armed = KEPT_UNHEARD; armed <= KEPT_ARMED; armed++) {
+    for (enum kept_armed armed = KEPT_UNHEARD; armed <= KEPT_UNSAID; armed++) {
         in.armed = armed;
         assert_int_equal(kept_write(directory, &in), 0);
         assert_int_equal(kept_read(directory, &out), 0);

@@ -115,6 +115,21 @@ static void only_a_daemon_that_answers_says_disarmed(void **state)
     assert_refused("is armed");
     offer.armed = UPDATE_ARMED_UNKNOWN;
     assert_refused("isn't known");
+    offer.armed = UPDATE_ARMED_UNSAID;
+    assert_refused("no HEARTBEAT");
+}
+
+/* It may have fallen silent on the ground, and fly. */
+static void nothing_begins_by_itself_after_the_autopilot_fell_silent(void **state)
+{
+    (void)state;
+    offer.armed = UPDATE_SILENT;
+    assert_taken();
+    offer.versions.unattended = true;
+    assert_refused("silent");
+    offer.versions.unattended = false;
+    offer.versions.from_server = true;
+    assert_refused("silent");
 }
 
 static void one_update_at_a_time(void **state)
@@ -148,6 +163,7 @@ int main(void)
         cmocka_unit_test_setup(one_that_was_rolled_back_is_tried_again_where_data_can_be_written,
                                begin),
         cmocka_unit_test_setup(only_a_daemon_that_answers_says_disarmed, begin),
+        cmocka_unit_test_setup(nothing_begins_by_itself_after_the_autopilot_fell_silent, begin),
         cmocka_unit_test_setup(one_update_at_a_time, begin),
         cmocka_unit_test_setup(it_has_to_fit, begin),
     };

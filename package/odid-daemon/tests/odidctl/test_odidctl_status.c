@@ -118,6 +118,11 @@ static void armed_is_what_the_daemon_keeps(void **state)
     assert_string_equal(said, "disarmed never 7\n");
     keep_armed("no");
     assert_int_equal(CALL("armed"), 1);
+    keep_armed("silent"); /* switched off, on the ground */
+    assert_int_equal(CALL("armed"), 1);
+    keep_armed("unsaid");
+    assert_int_equal(CALL("armed"), 0);
+    assert_string_equal(said, "unknown never 7\n");
     put("run/kept", "nonsense");
     assert_int_equal(CALL("armed"), 0);
     shell("rm run/kept; ln -s ../kept run/kept; echo armed no >kept");

@@ -177,22 +177,26 @@ static void it_can_be_called_off_until_it_is_written(void **state)
 static void who_does_not_answer_is_not_disarmed(void **state)
 {
     const struct kept yes = {.armed = KEPT_ARMED}, no = {.armed = KEPT_DISARMED},
-                      unheard = {.armed = KEPT_UNHEARD};
+                      unheard = {.armed = KEPT_UNHEARD}, silent = {.armed = KEPT_SILENT},
+                      unsaid = {.armed = KEPT_UNSAID};
 
     (void)state;
     written();
-    assert_true(update_armed(&update, &yes, true, false));
-    assert_true(update_armed(&update, &yes, false, false));
-    assert_false(update_armed(&update, &no, true, false));
-    assert_false(update_armed(&update, &unheard, true, false));
+    assert_true(update_armed(&update, &yes, true, false, false));
+    assert_true(update_armed(&update, &yes, false, false, false));
+    assert_false(update_armed(&update, &no, true, false, false));
+    assert_false(update_armed(&update, &unheard, true, false, false));
     assert_false(
-        update_armed(&update, &no, false, false)); /* it starts again: settings were saved */
-    assert_true(update_armed(&update, NULL, false, false));
+        update_armed(&update, &no, false, false, false)); /* it starts again: settings were saved */
+    assert_true(update_armed(&update, NULL, false, false, false));
     /* But for the restart somebody has to know. */
     update_installed(&update, now_us);
-    assert_false(update_armed(&update, &no, true, false));
-    assert_true(update_armed(&update, &no, false, false));
-    assert_true(update_armed(&update, NULL, false, false));
+    assert_false(update_armed(&update, &no, true, false, false));
+    assert_true(update_armed(&update, &no, false, false, false));
+    assert_true(update_armed(&update, NULL, false, false, false));
+    assert_true(update_armed(&update, &unsaid, true, false, false));
+    assert_false(update_armed(&update, &silent, true, false, false));
+    assert_true(update_armed(&update, &silent, true, true, false)); /* nobody looks at it */
 }
 
 static void a_slot_whose_daemon_never_answers_is_given_up(void **state)
@@ -201,13 +205,13 @@ static void a_slot_whose_daemon_never_answers_is_given_up(void **state)
 
     (void)state;
     update_try(&update, "1.5.0", now_us);
-    assert_false(update_armed(&update, NULL, false, false));
-    assert_false(update_armed(&update, &no, false, false));
-    assert_true(update_armed(&update, &yes, false, false));
+    assert_false(update_armed(&update, NULL, false, false, false));
+    assert_false(update_armed(&update, &no, false, false, false));
+    assert_true(update_armed(&update, &yes, false, false, false));
     update_rolled_back(&update, now_us); /* waits for the restart now */
-    assert_false(update_armed(&update, NULL, false, true));
-    assert_false(update_armed(&update, &no, false, true));
-    assert_true(update_armed(&update, &yes, false, true));
+    assert_false(update_armed(&update, NULL, false, false, true));
+    assert_false(update_armed(&update, &no, false, false, true));
+    assert_true(update_armed(&update, &yes, false, false, true));
 }
 
 static void the_restart_waits_until_disarmed(void **state)
