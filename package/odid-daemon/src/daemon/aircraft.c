@@ -275,7 +275,10 @@ static void take_authentication(struct aircraft *aircraft, const struct telemetr
     };
     bool have, same;
 
-    if (page.page >= TELEMETRY_AUTH_PAGES || page.last_page >= TELEMETRY_AUTH_PAGES) {
+    if (page.page >= TELEMETRY_AUTH_PAGES || page.last_page >= TELEMETRY_AUTH_PAGES ||
+        (update->by_another && !aircraft->auth_by_another &&
+         aircraft_still_said(aircraft->auth_said_us, now_us)) ||
+        !aircraft_is_heard(aircraft, GROUND_AUTHENTICATION, update, false, now_us)) {
         return;
     }
     if (aircraft->auth_by_another && !update->by_another) {

@@ -44,10 +44,8 @@ bool aircraft_still_said(int64_t said_us, int64_t now_us)
     return said_us != INT64_MIN && now_us - said_us < AIRCRAFT_SPEAKER_KEPT_US;
 }
 
-/* Of several on the ground the one that spoke first, until it is silent: they would take turns, and
- * the last word about an emergency would be anybody's. But what is urgent is heard. */
-static bool is_heard(struct aircraft *aircraft, enum aircraft_ground what,
-                     const struct telemetry_update *update, bool urgent, int64_t now_us)
+bool aircraft_is_heard(struct aircraft *aircraft, enum aircraft_ground what,
+                       const struct telemetry_update *update, bool urgent, int64_t now_us)
 {
     struct aircraft_ground_speaker *ground = &aircraft->ground[what];
 
@@ -85,7 +83,7 @@ void aircraft_take_self_id(struct aircraft *aircraft, const struct telemetry_upd
     bool urgent = update->self_id.type == ODID_DESC_TYPE_EMERGENCY &&
                   update->self_id.text[0] != '\0' && !is_emergency(description, now_us);
 
-    if (!is_heard(aircraft, GROUND_SELF_ID, update, urgent, now_us)) {
+    if (!aircraft_is_heard(aircraft, GROUND_SELF_ID, update, urgent, now_us)) {
         return;
     }
     description->said_us = now_us;
@@ -129,7 +127,7 @@ void aircraft_take_operator_id(struct aircraft *aircraft, const struct telemetry
 {
     struct aircraft_operator_number *number = &aircraft->operator_number[speaker_of(update)];
 
-    if (!is_heard(aircraft, GROUND_OPERATOR_ID, update, false, now_us)) {
+    if (!aircraft_is_heard(aircraft, GROUND_OPERATOR_ID, update, false, now_us)) {
         return;
     }
     number->said_us = now_us;
@@ -242,7 +240,8 @@ void aircraft_take_system(struct aircraft *aircraft, const struct telemetry_upda
                                      update->system.operator_longitude_deg);
 
     /* One without a place, as many stations send it each second, is in nobody's way. */
-    if (!is_heard(aircraft, GROUND_SYSTEM, update, known && !place_said(system, now_us), now_us)) {
+    if (!aircraft_is_heard(aircraft, GROUND_SYSTEM, update, known && !place_said(system, now_us),
+                           now_us)) {
         if (known && is_elsewhere(system, update->system.operator_latitude_deg,
                                   update->system.operator_longitude_deg)) {
             aircraft->grounds_differ_us = now_us;

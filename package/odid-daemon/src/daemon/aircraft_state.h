@@ -71,7 +71,13 @@ struct aircraft_native_location {
 enum aircraft_speaker { AIRCRAFT_SPEAKER_VEHICLE, AIRCRAFT_SPEAKER_GROUND, AIRCRAFT_SPEAKERS };
 
 /* Of several on the ground one is heard, for each of these. */
-enum aircraft_ground { GROUND_SELF_ID, GROUND_OPERATOR_ID, GROUND_SYSTEM, AIRCRAFT_GROUNDS };
+enum aircraft_ground {
+    GROUND_SELF_ID,
+    GROUND_OPERATOR_ID,
+    GROUND_SYSTEM,
+    GROUND_AUTHENTICATION,
+    AIRCRAFT_GROUNDS
+};
 
 struct aircraft_ground_speaker {
     uint16_t speaker; /* telemetry_update's */
@@ -258,6 +264,12 @@ void aircraft_forget_speaker(struct aircraft *aircraft, enum aircraft_speaker sp
 
 /* Within the last 10 s? INT64_MIN: never. */
 bool aircraft_still_said(int64_t said_us, int64_t now_us);
+
+/* Of several on the ground the one that spoke first, until it is silent: they would take turns, the
+ * last word about an emergency would be anybody's, and pages of two would be no signature. But what
+ * is urgent is heard. */
+bool aircraft_is_heard(struct aircraft *aircraft, enum aircraft_ground what,
+                       const struct telemetry_update *update, bool urgent, int64_t now_us);
 
 /* Somebody declares an emergency now: until it takes that back, or is silent for 10 s. NULL:
  * nobody. */

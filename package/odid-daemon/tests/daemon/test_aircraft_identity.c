@@ -471,10 +471,14 @@ static void a_configured_description_wins_with_its_type(void **state)
 
 /* ---- Authentication ---- */
 
+static unsigned page_speaker; /* 0: the vehicle; else one on the ground */
+
 static void page(unsigned index, unsigned last, uint32_t timestamp, uint8_t fill)
 {
     struct telemetry_update update = update_of(TELEMETRY_AUTHENTICATION);
 
+    update.by_another = page_speaker != 0;
+    update.speaker = (uint16_t)page_speaker;
     update.authentication.type = 1;
     update.authentication.page = (uint8_t)index;
     update.authentication.last_page = (uint8_t)(index == 0 ? last : 0);
@@ -578,6 +582,31 @@ static void pages_of_two_authentications_never_mix(void **state)
     assert_int_equal(view.auth[1].data[0], 0xB1);
 }
 
+/* One page a second was enough to keep another's from ever being whole, or to mix it with one's
+ * own. */
+static void a_second_speaker_neither_ends_nor_mixes_an_authentication(void **state)
+{
+    (void)state;
+    page_speaker = 255;
+    page(0, 1, 5, 0xA0);
+    page_speaker = 254;
+    page(1, 1, 5, 0xB1);
+    page(0, 1, 6, 0xB0);
+    assert_int_equal(view.auth_pages, 0);
+    page_speaker = 255;
+    page(1, 1, 5, 0xA1);
+    assert_int_equal(view.auth_pages, 2);
+    assert_int_equal(view.auth[1].data[0], 0xA1);
+    page_speaker = 0; /* the vehicle's own comes first */
+    page(0, 1, 7, 0xC0);
+    page_speaker = 255;
+    page(1, 1, 5, 0xA1);
+    page_speaker = 0;
+    page(1, 1, 7, 0xC1);
+    assert_int_equal(view.auth_pages, 2);
+    assert_int_equal(view.auth[1].data[0], 0xC1);
+}
+
 static void joining_in_the_middle_waits_for_page_0(void **state)
 {
     (void)state;
@@ -637,6 +666,8 @@ int main(void)
         cmocka_unit_test_setup(repeated_pages_change_nothing, begin_setup),
         cmocka_unit_test_setup(a_new_page_0_starts_another_authentication, begin_setup),
         cmocka_unit_test_setup(pages_of_two_authentications_never_mix, begin_setup),
+        cmocka_unit_test_setup(a_second_speaker_neither_ends_nor_mixes_an_authentication,
+                               begin_setup),
         cmocka_unit_test_setup(joining_in_the_middle_waits_for_page_0, begin_setup),
         cmocka_unit_test_setup(impossible_pages_are_ignored, begin_setup),
         cmocka_unit_test_setup(authentication_ends_by_silence, begin_setup),
