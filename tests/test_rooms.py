@@ -1,12 +1,15 @@
 """`make check` sees a source that includes what its room may not know."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from host import parts
 
 CHECK = Path(__file__).parent / "levels/rooms.py"
+DAEMON = parts.ROOT / "package/odid-daemon"
 
 
 def check(folder, room, included):
@@ -35,3 +38,12 @@ def test_what_may_be_known_passes(tmp_path, room, included):
 
 def test_nothing_to_look_at_is_no_pass():
     assert subprocess.run([sys.executable, CHECK]).returncode == 1
+
+
+def test_the_daemon_by_itself_asks_for_none_of_the_appliance_s_libraries(tmp_path):
+    subprocess.run(["cmake", "-S", DAEMON, "-B", tmp_path, "-DODID_ONLY_DAEMON=ON",
+                    f"-DOPENDRONEID_DIR={os.environ.get('OPENDRONEID_DIR', parts.ROOT / 'build/opendroneid')}",
+                    f"-DMAVLINK_DIR={os.environ['MAVLINK_DIR']}"], check=True, capture_output=True)
+    programs = {path.parent.name.removesuffix(".dir") for path in tmp_path.glob("CMakeFiles/*.dir/link.txt")}
+    assert "odid-daemon" in programs and not programs & {"odid-update", "odid-web", "odidctl"}
+    assert "swupdate" not in (tmp_path / "CMakeCache.txt").read_text()

@@ -46,7 +46,7 @@ def linked():
     link = (build / "CMakeFiles/odid-daemon.dir/link.txt").read_text().strip()
     map_path = FOLDER / "daemon.map"
     subprocess.run(f"{link} -o {FOLDER / 'daemon'} -Wl,-Map={map_path}", shell=True, cwd=build, check=True)
-    return sorted({f"{name}.c" for name in re.findall(r"libodid\.a\((\w+)\.c\.o\)", map_path.read_text())}
+    return sorted({f"{name}.c" for name in re.findall(r"libodid_\w+\.a\((\w+)\.c\.o\)", map_path.read_text())}
                   | {"odid_daemon_main.c"})
 
 

@@ -63,9 +63,10 @@ class Workshop:
 
     def _object(self, file):
         """What the compiler makes of it for the build that ships. None: nothing."""
-        library = "odid-daemon" if file.endswith("_main.c") else "odid"
-        path = self.shipped / f"CMakeFiles/{library}.dir" / f"{named(self.source, file).relative_to(self.source)}.o"
-        return path.read_bytes() if self._build(self.shipped, library) else None
+        path = named(self.source, file)
+        target = "odid-daemon" if file.endswith("_main.c") else f"odid_{path.parent.name}"
+        made = self.shipped / f"CMakeFiles/{target}.dir/{path.relative_to(self.source)}.o"
+        return made.read_bytes() if self._build(self.shipped, target) else None
 
     @contextlib.contextmanager
     def changed(self, file, text):
