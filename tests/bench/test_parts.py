@@ -301,7 +301,7 @@ def test_what_the_document_names_is_there():
     named = set(re.findall(r"`(test_\w+)`", text))
     assert len(named) > 20
     assert not [name for name in named if f"def {name}(" not in tests]
-    programs = {one.name for one in (parts.ROOT / "package/odid-daemon/tests").iterdir()}
+    programs = {one.name for one in (parts.ROOT / "package/odid-daemon/tests").rglob("test_*.c")}
     assert not set(re.findall(r"`(test_\w+\.c)`", text)) - programs
     paths = {one for one in re.findall(r"`([\w.-]+(?:/[\w.-]+)+)`", text) if not one.startswith("/")}
     assert len(paths) > 20
