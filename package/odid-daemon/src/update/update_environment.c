@@ -197,12 +197,17 @@ int update_variables_read(const char *config, const char *defaults, char running
     return close_environment(context, *repaired);
 }
 
-/* Where there is none, nobody reads it. */
-static void set_report(struct uboot_ctx *context, enum update_report report)
+/* Where there is none, nobody reads it. SWUpdate's own word that a trial is to come is over with
+ * the trial: as long as it stands, its client takes nothing from its server. */
+static void set_report(struct uboot_ctx *context, enum update_report report, bool trial_to_come)
 {
     char *state = libuboot_get_env(context, "ustate"), value[2] = {(char)report, '\0'};
 
-    if (state != NULL && report != UPDATE_REPORT_AS_IT_IS) {
+    if (state != NULL && strcmp(state, "1") == 0 && report == UPDATE_REPORT_AS_IT_IS &&
+        !trial_to_come) {
+        value[0] = UPDATE_REPORT_NOTHING;
+    }
+    if (state != NULL && value[0] != UPDATE_REPORT_AS_IT_IS) {
         libuboot_set_env(context, "ustate", value);
     }
     free(state);
@@ -227,6 +232,6 @@ int update_variables_write(const char *config, const struct update_variables *va
     snprintf(restarts, sizeof(restarts), "%x", variables->restarts);
     libuboot_set_env(context, "restarts", restarts);
     libuboot_set_env(context, "bootcount", "0");
-    set_report(context, report);
+    set_report(context, report, variables->upgrade_available);
     return close_environment(context, true);
 }

@@ -37,7 +37,7 @@ int update_variables_read(const char *config, const char *defaults, char running
 /* What SWUpdate's hawkBit client is to report when it starts: it finds it in the variable ustate,
  * which is only written where SWUpdate has made it. */
 enum update_report {
-    UPDATE_REPORT_AS_IT_IS = '\0', /* what stands there already */
+    UPDATE_REPORT_AS_IT_IS = '\0', /* what stands there already, but no trial that isn't to come */
     UPDATE_REPORT_NOTHING = '0',
     UPDATE_REPORT_GOOD = '2',
     UPDATE_REPORT_FAILED,

@@ -7,6 +7,7 @@
 #include <cmocka.h>
 
 #include <errno.h>
+#include <libuboot.h>
 #include <linux/fs.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -165,6 +166,52 @@ static void one_that_cant_be_read_is_no_reason_to_write(void **state)
     assert_int_equal(variables.trial, 'b');
 }
 
+static struct uboot_ctx *open_it(void)
+{
+    struct uboot_ctx *context;
+
+    assert_int_equal(libuboot_initialize(&context, NULL), 0);
+    assert_int_equal(libuboot_read_config(context, config), 0);
+    assert_int_equal(libuboot_open(context), 0);
+    return context;
+}
+
+static void close_it(struct uboot_ctx *context)
+{
+    libuboot_close(context);
+    libuboot_exit(context);
+}
+
+/* ustate, as the client finds it after a write that says nothing of it. */
+static char left_of(const char *state, bool trial_to_come)
+{
+    struct update_variables variables = {.slot = 'a', .upgrade_available = trial_to_come};
+    struct uboot_ctx *context = open_it();
+    char *value, left;
+
+    assert_int_equal(libuboot_set_env(context, "ustate", state), 0);
+    assert_int_equal(libuboot_env_store(context), 0);
+    close_it(context);
+    assert_int_equal(update_variables_write(config, &variables, UPDATE_REPORT_AS_IT_IS), 0);
+    context = open_it();
+    value = libuboot_get_env(context, "ustate");
+    left = value == NULL ? '\0' : value[0];
+    free(value);
+    close_it(context);
+    return left;
+}
+
+/* The client answered no cancel and took no update for ever: its trial was to come. */
+static void a_trial_that_is_over_is_not_to_come(void **state)
+{
+    (void)state;
+    assert_int_equal(left_of("1", false), UPDATE_REPORT_NOTHING);
+    assert_int_equal(left_of("1", true), '1');
+    assert_int_equal(left_of("2", false), UPDATE_REPORT_GOOD); /* nobody has told its server yet */
+    assert_int_equal(left_of("3", false), UPDATE_REPORT_FAILED);
+    assert_int_equal(left_of(NULL, false), '\0');
+}
+
 /* libubootenv's other form, YAML, has namespaces: by one of them whoever may speak to SWUpdate
  * could set any variable, and so choose the slot. */
 static void its_place_is_said_in_the_form_without_namespaces(void **state)
@@ -198,6 +245,7 @@ int main(void)
         cmocka_unit_test(all_are_written_at_once),
         cmocka_unit_test(its_place_is_said_in_the_form_without_namespaces),
         cmocka_unit_test(one_that_cant_be_read_is_no_reason_to_write),
+        cmocka_unit_test(a_trial_that_is_over_is_not_to_come),
     };
 
     return cmocka_run_group_tests(tests, make_folder, remove_folder);
