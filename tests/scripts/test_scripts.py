@@ -1106,7 +1106,10 @@ def test_another_hawkbit_counts_when_no_update_is_going_on(appliance, url, told)
 
     def swupdate_told():
         return [call for call in appliance.calls() if "swupdate" in call]
+    asked = appliance.root / "run/swupdate.hawkbit"
+    before = asked.stat().st_ino
     appliance.must("/lib/odid/apply-configuration")
+    assert (asked.stat().st_ino != before) == bool(told), "the service update knows by it why SWUpdate ends"
     stays("nobody is told in the middle of an update", lambda: not swupdate_told(), 0.5)
     appliance.write("run/odid-appliance/update.json", '{ "state": "idle" }\n')
     wait_for("it to be told", lambda: len(swupdate_told()) >= len(told))

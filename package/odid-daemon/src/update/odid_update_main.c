@@ -50,6 +50,7 @@ static struct {
     bool time_known;
     bool beside;   /* a bundle came while another update isn't decided: the gate refuses it */
     bool stopping; /* it was told to end */
+    bool ended;    /* SWUpdate was, by us */
     bool passed;   /* the gate said yes to what is being installed */
     enum update_source source;          /* of that */
     char refused[UPDATE_SENTENCE_SIZE]; /* why the gate refused this bundle, or "" */
@@ -271,7 +272,10 @@ static void look(struct update_board *board, int64_t now_us)
 
 static void end_installer(void)
 {
-    complain("SWUpdate can't be ended", update_installer_end(INSTALLER));
+    int result = update_installer_end(INSTALLER);
+
+    complain("SWUpdate can't be ended", result);
+    self.ended = self.ended || result == 0;
 }
 
 /* A server whose update this wasn't would close the one that waits there. */
@@ -557,6 +561,18 @@ static void on_ends(const char *why, int64_t now_us)
     show();
 }
 
+/* Its hawkBit client takes it along, whoever's bundle it writes. What becomes of its own server's
+ * on_ends has seen to. */
+static void on_lost(bool installing, int64_t now_us)
+{
+    bool by_us = self.ended;
+
+    self.ended = false;
+    if (!by_us) {
+        update_hawkbit_lost(installing && self.source != UPDATE_SOURCE_SERVER, now_us);
+    }
+}
+
 /* ---- the gate ---- */
 
 static bool is_known(void)
@@ -780,7 +796,7 @@ static int serve(void)
                                                         .source = on_source,
                                                         .progress = on_progress,
                                                         .ends = on_ends,
-                                                        .lost = update_hawkbit_lost};
+                                                        .lost = on_lost};
     static const struct update_gate_calls gate = {
         .known = is_known, .judge = judge_offer, .cancel = cancel};
     bool first = access(STATE "/" UPDATE_STATE_FILE, F_OK) < 0; /* since power-on */

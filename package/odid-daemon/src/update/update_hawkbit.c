@@ -17,8 +17,8 @@
 #define PAUSE_MAX_US (16 * PAUSE_US)
 #define REPORT_US 15000000
 #define FAILED_MAX 1 /* in a row: that may be */
-#define LOST_MAX 3   /* within LOST_US: that mustn't */
-#define LOST_US 60000000
+#define LOST_MAX 3   /* without LOST_QUIET_US between them: that mustn't */
+#define LOST_QUIET_US INT64_C(600000000)
 #define SERVER_FAULT "hawkbit-server"
 
 static struct {
@@ -27,8 +27,10 @@ static struct {
     struct loop_timer pause, report;
     int64_t pause_us; /* how long the next one is */
     int64_t reporting_until_us;
-    unsigned failed;           /* in a row */
-    int64_t lost_us[LOST_MAX]; /* when SWUpdate did, the last one first */
+    unsigned failed;  /* in a row */
+    unsigned lost;    /* how often SWUpdate was */
+    int64_t lost_us;  /* the last time */
+    ino_t configured; /* the file that says how it is asked; 0: not known */
 } hawkbit;
 
 static bool is_paused(void)
@@ -56,6 +58,13 @@ static void end_pause(void *context, int64_t now_us)
     }
 }
 
+static ino_t configuration_file(void)
+{
+    struct stat file;
+
+    return stat(HAWKBIT, &file) < 0 ? 0 : file.st_ino;
+}
+
 void update_hawkbit_begin(bool (*is_idle)(void), void (*restart)(void), int64_t now_us)
 {
     hawkbit.is_idle = is_idle;
@@ -63,7 +72,8 @@ void update_hawkbit_begin(bool (*is_idle)(void), void (*restart)(void), int64_t 
     hawkbit.reporting_until_us = 0;
     hawkbit.pause_us = PAUSE_US;
     hawkbit.failed = 0;
-    memset(hawkbit.lost_us, 0, sizeof(hawkbit.lost_us));
+    hawkbit.lost = 0;
+    hawkbit.configured = configuration_file();
     loop_timer_init(&hawkbit.pause, end_pause, NULL);
     loop_timer_init(&hawkbit.report, end_report, NULL);
     if (is_paused()) {
@@ -125,7 +135,8 @@ static void say_nothing(void *context, enum config_severity severity, const char
     (void)sentence;
 }
 
-static void say_what_it_does(void)
+/* SWUpdate ended; how: in which way that mustn't be. */
+static void leave_alone(const char *how, int64_t now_us)
 {
     char sentence[CONFIG_PATH_SIZE + 160];
     struct config config;
@@ -133,22 +144,34 @@ static void say_what_it_does(void)
     config_defaults(&config);
     config_read_file(&config, CONFIGURATION, say_nothing, NULL);
     snprintf(sentence, sizeof(sentence),
-             "SWUpdate ended three times within a minute over what the hawkBit server %s answers: "
-             "it isn't asked for %d minutes.",
-             config.hawkbit_url, (int)(hawkbit.pause_us / (60 * SECOND_US)));
+             "SWUpdate ended %s over what the hawkBit server %s answers: it isn't asked for %d "
+             "minutes.",
+             how, config.hawkbit_url, (int)(hawkbit.pause_us / (60 * SECOND_US)));
     faults_set(FAULTS, SERVER_FAULT, sentence);
+    hawkbit.lost = 0;
+    update_hawkbit_pause(now_us); /* it is about to start */
 }
 
-void update_hawkbit_lost(int64_t now_us)
+/* Since it was asked last. */
+static bool is_configured_anew(void)
 {
-    if (!update_hawkbit_is_asked() || is_paused()) {
+    ino_t before = hawkbit.configured;
+
+    hawkbit.configured = configuration_file();
+    return before != 0 && before != hawkbit.configured;
+}
+
+void update_hawkbit_lost(bool broke_off, int64_t now_us)
+{
+    if (is_configured_anew() || !update_hawkbit_is_asked() || is_paused()) {
         return;
     }
-    memmove(&hawkbit.lost_us[1], &hawkbit.lost_us[0], sizeof(hawkbit.lost_us) - sizeof(int64_t));
-    hawkbit.lost_us[0] = now_us;
-    if (hawkbit.lost_us[LOST_MAX - 1] != 0 && now_us - hawkbit.lost_us[LOST_MAX - 1] <= LOST_US) {
-        say_what_it_does();
-        update_hawkbit_pause(now_us); /* it is about to start */
+    hawkbit.lost = now_us - hawkbit.lost_us < LOST_QUIET_US ? hawkbit.lost + 1 : 1;
+    hawkbit.lost_us = now_us;
+    if (broke_off) {
+        leave_alone("in the middle of another's update, it seems,", now_us);
+    } else if (hawkbit.lost == LOST_MAX) {
+        leave_alone("three times", now_us);
     }
 }
 

@@ -34,11 +34,12 @@ bool update_hawkbit_reports(int64_t now_us);
 void update_hawkbit_failed(int64_t now_us);
 
 /*
- * SWUpdate ended while nothing was installed. Its client does that by itself over an answer that it
- * doesn't understand, at each start: after three times within a minute it is left alone, and the
- * fault hawkbit-server says so.
+ * SWUpdate ended, and we haven't ended it. Its client does that by itself over an answer that it
+ * doesn't understand, at each start. It is left alone, and the fault hawkbit-server says so, after
+ * three times without ten minutes of quiet between them; at once where that broke off (broke_off)
+ * somebody else's update, which has to come in. Not counted: the end for settings that were saved.
  */
-void update_hawkbit_lost(int64_t now_us);
+void update_hawkbit_lost(bool broke_off, int64_t now_us);
 
 /* An update came through: the next pause is a short one again. */
 void update_hawkbit_came_through(void);

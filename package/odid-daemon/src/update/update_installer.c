@@ -207,6 +207,7 @@ static void take_notice(const ipc_message *message, int64_t now_us)
 static void lose(int64_t now_us)
 {
     struct loop_watch *const watches[] = {&self.notices, &self.progress};
+    bool installing = self.running && !self.in_history;
 
     for (unsigned i = 0; i < 2; i++) {
         int fd = watches[i]->fd;
@@ -221,9 +222,8 @@ static void lose(int64_t now_us)
         self.succeeded = false;
         snprintf(self.complaint, sizeof(self.complaint), "SWUpdate ended");
         end(now_us);
-    } else {
-        self.calls->lost(now_us);
     }
+    self.calls->lost(installing, now_us);
     self.in_history = false;
     loop_arm(&self.again, now_us + AGAIN_US);
 }

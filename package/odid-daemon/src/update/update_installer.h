@@ -21,7 +21,8 @@ struct update_installer_calls {
     void (*progress)(int percent, int64_t now_us);
     /* why: what went wrong, a sentence; empty when it is installed. */
     void (*ends)(const char *why, int64_t now_us);
-    void (*lost)(int64_t now_us); /* SWUpdate ended, and nothing was being installed */
+    /* SWUpdate ended; installing: in the middle of an install, of which ends was told. */
+    void (*lost)(bool installing, int64_t now_us);
 };
 
 /*

@@ -408,31 +408,90 @@ static void for_a_technician_s_file_no_server_is_left_alone(void **state)
     assert_int_equal(access(HAWKBIT_PAUSE, F_OK), -1);
 }
 
-/* Its client aborts over it, at each start; and so no bundle came in. */
-static void a_server_that_ends_swupdate_is_left_alone(void **state)
+static void swupdate_ends(bool installing)
+{
+    if (installing) {
+        on_ends("SWUpdate ended", now_us);
+    }
+    on_lost(installing, now_us);
+}
+
+/* hawkBit is left alone, and who looks for the reason is told. */
+static void it_is_said_that_swupdate_ended(const char *how)
 {
     char said[300];
 
-    (void)state;
-    slot_a_runs_1_0_0();
-    put(CONFIGURATION, "[update]\nhawkbit_url = https://updates.example.org\n");
-    for (unsigned i = 0; i < 5; i++) { /* nobody asks a server */
-        update_hawkbit_lost(now_us += SECOND_US);
-    }
-    put(HAWKBIT, "-u https://updates.example.org\n");
-    for (unsigned i = 0; i < 5; i++) {
-        update_hawkbit_lost(now_us += 31 * SECOND_US);
-    }
-    assert_int_equal(access(HAWKBIT_PAUSE, F_OK), -1);
-    update_hawkbit_lost(now_us += 20 * SECOND_US);
     assert_int_equal(access(HAWKBIT_PAUSE, F_OK), 0);
     whole_file_line(FAULTS "/hawkbit-server", said, sizeof(said));
+    assert_non_null(strstr(said, how));
     assert_non_null(strstr(said, "https://updates.example.org"));
     assert_non_null(strstr(said, "for 10 minutes"));
-    update_hawkbit_lost(now_us); /* without it that has another reason */
+}
+
+static void slot_a_runs_1_0_0_and_asks_a_server(void)
+{
+    put(CONFIGURATION, "[update]\nhawkbit_url = https://updates.example.org\n");
+    put(HAWKBIT, "-u https://updates.example.org\n");
+    slot_a_runs_1_0_0();
+}
+
+/* Its client aborts over it, at each start; and so no bundle came in. */
+static void a_server_that_ends_swupdate_is_left_alone(void **state)
+{
+    (void)state;
+    slot_a_runs_1_0_0(); /* nobody asks a server */
+    for (unsigned i = 0; i < 5; i++) {
+        now_us += SECOND_US;
+        swupdate_ends(false);
+    }
+    slot_a_runs_1_0_0_and_asks_a_server();
+    for (unsigned i = 0; i < 5; i++) {
+        now_us += LOST_QUIET_US;
+        swupdate_ends(false);
+    }
+    now_us += 31 * SECOND_US;
+    swupdate_ends(false);
+    assert_int_equal(access(HAWKBIT_PAUSE, F_OK), -1);
+    now_us += LOST_QUIET_US - SECOND_US;
+    swupdate_ends(false);
+    it_is_said_that_swupdate_ended("three times");
+    swupdate_ends(false); /* without it that has another reason */
     assert_true(hawkbit.pause_us == 2 * PAUSE_US);
     end_pause(NULL, now_us += PAUSE_US);
     assert_int_equal(access(FAULTS "/hawkbit-server", F_OK), -1);
+}
+
+/* Every half minute, and a bundle takes longer. */
+static void a_server_that_breaks_off_another_s_update_is_left_alone(void **state)
+{
+    (void)state;
+    slot_a_runs_1_0_0_and_asks_a_server();
+    written();
+    swupdate_ends(true);
+    it_is_said_that_swupdate_ended("in the middle of another's update");
+}
+
+/* For settings that concern it, or by us. */
+static void an_end_of_swupdate_that_somebody_meant_says_nothing_of_its_server(void **state)
+{
+    (void)state;
+    slot_a_runs_1_0_0_and_asks_a_server();
+    for (unsigned i = 0; i < 5; i++) {
+        put(HAWKBIT, "-u https://updates.example.org\n");
+        swupdate_ends(false);
+        end_installer();
+        swupdate_ends(false);
+    }
+    put(HAWKBIT, "-u https://updates.example.org\n");
+    written();
+    swupdate_ends(true);
+    written();
+    cancel(answer);
+    swupdate_ends(true);
+    assert_int_equal(access(HAWKBIT_PAUSE, F_OK), -1);
+    written();
+    swupdate_ends(true);
+    assert_int_equal(access(HAWKBIT_PAUSE, F_OK), 0);
 }
 
 /* The new version stops it, and nobody has asked for that. */
@@ -734,6 +793,9 @@ int main(void)
         cmocka_unit_test_setup(one_that_is_called_off_before_the_gate_is_not_begun_again, setup),
         cmocka_unit_test_setup(for_a_technician_s_file_no_server_is_left_alone, setup),
         cmocka_unit_test_setup(a_server_that_ends_swupdate_is_left_alone, setup),
+        cmocka_unit_test_setup(a_server_that_breaks_off_another_s_update_is_left_alone, setup),
+        cmocka_unit_test_setup(an_end_of_swupdate_that_somebody_meant_says_nothing_of_its_server,
+                               setup),
         cmocka_unit_test_setup(a_channel_that_ends_with_the_new_version_ends_its_trial, setup),
         cmocka_unit_test_setup(a_channel_that_is_switched_off_is_not_asked_for, setup),
         cmocka_unit_test_setup(wifi_is_switched_off_and_hostapd_is_not_asked_for, setup),

@@ -153,7 +153,7 @@ static struct {
     char why[200];
     enum update_source source;
 } told, expected;
-static unsigned lost; /* SWUpdate ended while nothing was being installed */
+static unsigned lost, lost_installing; /* SWUpdate ended: how often in all; in an install */
 
 static void on_begins(int64_t now_us)
 {
@@ -180,10 +180,11 @@ static void on_ends(const char *why, int64_t now_us)
     snprintf(told.why, sizeof(told.why), "%s", why);
 }
 
-static void on_lost(int64_t now_us)
+static void on_lost(bool installing, int64_t now_us)
 {
     (void)now_us;
     lost++;
+    lost_installing += installing ? 1 : 0;
 }
 
 static bool it_was_told(void)
@@ -219,8 +220,11 @@ static void history_is_news_unless_it_was_heard(void **state)
     expect_told(0, 0, ""); /* whoever watched before us was told */
     assert_int_equal(write(one.orders, "x", 1), 1);
     expect_told(1, 0, ""); /* the same SWUpdate; but an install goes on */
+    lost = lost_installing = 0;
     end(one);
     expect_told(1, 1, "SWUpdate ended");
+    assert_int_equal(lost, 1);
+    assert_int_equal(lost_installing, 1);
 
     one = start("SEFI SFI");
     expect_told(2, 2, "HASH mismatch"); /* a new one, which refused before we were there */
@@ -253,10 +257,11 @@ static void whose_it_was_is_told_before_its_end(void **state)
     one = start("SFI");
     expected.source = UPDATE_SOURCE_UNKNOWN;
     expect_told(3, 3, "HASH mismatch");
-    lost = 0;
+    lost = lost_installing = 0;
     end(one);
     expect_told(3, 3, "HASH mismatch");
     assert_int_equal(lost, 1);
+    assert_int_equal(lost_installing, 0);
 }
 
 /* Both sockets have something, the notices first; an end reads the other one too, which has nothing
