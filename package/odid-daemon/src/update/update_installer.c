@@ -168,6 +168,21 @@ static void end(int64_t now_us)
     self.source = UPDATE_SOURCE_UNKNOWN;
 }
 
+static void read_all_progress(int64_t now_us)
+{
+    while (self.running && read_progress(now_us) == 0) {
+    }
+}
+
+/* Its hawkBit client's, whose server doesn't answer or says what it can't use: nothing of an update
+ * that isn't that server's. */
+static bool is_of_this_update(const char *complaint)
+{
+    /* The client asks SWUpdate all the time, and doesn't wait for each answer. */
+    return strstr(complaint, "on socket ctrl") == NULL &&
+           (self.source != UPDATE_SOURCE_OTHER || strstr(complaint, ": Channel ") == NULL);
+}
+
 static void take_notice(const ipc_message *message, int64_t now_us)
 {
     switch (message->data.notify.status) {
@@ -181,8 +196,8 @@ static void take_notice(const ipc_message *message, int64_t now_us)
         self.succeeded = true;
         break;
     case FAILURE:
-        /* Its hawkBit client asks it all the time, and doesn't wait for each answer. */
-        if (strstr(message->data.notify.msg, "on socket ctrl") != NULL) {
+        read_all_progress(now_us); /* whose it is it may have said there */
+        if (!is_of_this_update(message->data.notify.msg)) {
             break;
         }
         self.succeeded = false;
@@ -193,8 +208,7 @@ static void take_notice(const ipc_message *message, int64_t now_us)
         break;
     case IDLE:
         /* By the other socket it has said before whose it was. */
-        while (self.running && read_progress(now_us) == 0) {
-        }
+        read_all_progress(now_us);
         if (self.running) {
             end(now_us);
         }

@@ -53,7 +53,10 @@ static void say(int fd, char letter)
                                  : letter == 'G' ? SUCCESS
                                                  : FAILURE;
     strcpy(message.data.notify.msg,
-           letter == 'E' ? "ERROR : Error write on socket ctrl" : "HASH mismatch");
+           letter == 'E' ? "ERROR : Error write on socket ctrl"
+           : letter == 'C'
+               ? "ERROR : Channel get operation failed (7): 'Could not connect to server'"
+               : "HASH mismatch");
     if (write(fd, &message, sizeof(message)) != sizeof(message)) {
         _exit(1);
     }
@@ -86,9 +89,9 @@ static void tell_that_all_is_said(int orders)
     }
 }
 
-/* history: a letter for each message: Start, Failure, Good, Idle, Error of the socket's, (server's,
- * local one's) progress; a word for each time that somebody begins to listen, who is sent away at
- * its end, and dots in it where an order is awaited. */
+/* history: a letter for each message: Start, Failure, Good, Idle, Error of the socket's,
+ * the client's Channel, (server's, local one's) progress; a word for each time that somebody begins
+ * to listen, who is sent away at its end, and dots in it where an order is awaited. */
 static void serve(const char *history, int orders, int progress)
 {
     int control = listen_at(get_ctrl_socket());
@@ -264,6 +267,28 @@ static void whose_it_was_is_told_before_its_end(void **state)
     assert_int_equal(lost_installing, 0);
 }
 
+/* A technician was told that the server doesn't answer, for what is wrong with the bundle. */
+static void a_complaint_of_the_client_s_is_of_its_server_s_updates(void **state)
+{
+    struct swupdate one;
+
+    (void)state;
+    memset(&told, 0, sizeof(told));
+    assert_int_equal(loop_init(), 0);
+    update_installer_watch(&calls, true);
+    one = start("SlCFI");
+    expected.source = UPDATE_SOURCE_OTHER;
+    expect_told(1, 1, "HASH mismatch");
+    end(one);
+    one = start("SlGCI");
+    expect_told(2, 2, "");
+    end(one);
+    one = start("SsCFI");
+    expected.source = UPDATE_SOURCE_SERVER;
+    expect_told(3, 3, "ERROR : Channel get operation failed (7): 'Could not connect to server'");
+    end(one);
+}
+
 /* Both sockets have something, the notices first; an end reads the other one too, which has nothing
  * left when its own turn comes. */
 static void an_end_that_is_read_before_the_progress_said_after_it(void **state)
@@ -357,6 +382,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(history_is_news_unless_it_was_heard),
         cmocka_unit_test(whose_it_was_is_told_before_its_end),
+        cmocka_unit_test(a_complaint_of_the_client_s_is_of_its_server_s_updates),
         cmocka_unit_test(an_end_that_is_read_before_the_progress_said_after_it),
         cmocka_unit_test(it_is_ended_by_its_number_and_its_start),
     };
