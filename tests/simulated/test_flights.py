@@ -189,6 +189,17 @@ def test_an_old_disarmed_is_no_word_of_one_that_speaks_on(make_flight):
     assert "armed silent" in kept.read_text().splitlines()
 
 
+def test_one_that_is_switched_off_disarmed_has_said_it(make_flight):
+    """Its last HEARTBEAT comes before its last word; for a second nobody knew, and maintenance ended."""
+    flight = make_flight(kept=True)
+    kept, seen = flight.world.root / "run/odid/kept", set()
+    flight.at(2.6, setattr, flight.autopilot, "rewrite", lambda message: False)
+    for tenth in range(25, 90):
+        flight.fly(tenth / 10)
+        seen |= {line for line in kept.read_text().splitlines() if line.startswith("armed ")}
+    assert seen == {"armed no", "armed silent"}
+
+
 def test_a_channel_that_one_daemon_had_on_the_air_is_missed_by_the_next_one(make_flight):
     """Its controller came back without Bluetooth 5; that was forgotten, and the pilot was told that all is well."""
     flight = make_flight(kept=True)

@@ -183,10 +183,10 @@ static void write_kept(void)
  * be switched off. */
 static enum kept_armed word_of(const struct aircraft_condition *condition, int64_t now_us)
 {
-    return condition->armed                                   ? KEPT_ARMED
-           : condition->heartbeat_fresh                       ? KEPT_DISARMED
-           : telemetry_vehicle_speaks(self.telemetry, now_us) ? KEPT_UNSAID
-                                                              : KEPT_SILENT;
+    return condition->armed                                      ? KEPT_ARMED
+           : condition->heartbeat_fresh                          ? KEPT_DISARMED
+           : telemetry_heartbeat_missing(self.telemetry, now_us) ? KEPT_UNSAID
+                                                                 : KEPT_SILENT;
 }
 
 /* The take-off point for a restart in flight only: that of a flight that ended must not pass for

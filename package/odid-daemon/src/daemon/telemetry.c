@@ -423,6 +423,14 @@ bool telemetry_vehicle_speaks(const struct telemetry *telemetry, int64_t now_us)
            now_us - telemetry->latest_us < AIRCRAFT_FRESH_US;
 }
 
+bool telemetry_heartbeat_missing(const struct telemetry *telemetry, int64_t now_us)
+{
+    int64_t heartbeat_us = telemetry_heartbeat_us(telemetry);
+
+    return telemetry_vehicle_speaks(telemetry, now_us) && heartbeat_us != INT64_MIN &&
+           telemetry->latest_us - heartbeat_us >= AIRCRAFT_FRESH_US;
+}
+
 bool telemetry_vehicle_signs(const struct telemetry *telemetry)
 {
     return telemetry->signs;
