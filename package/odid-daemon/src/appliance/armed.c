@@ -14,8 +14,21 @@ bool armed_says(struct json_object *status)
     return json_object_get_boolean(json_object_object_get(aircraft, "armed"));
 }
 
-/* It may be about to start again. *armed: what it says itself, too. */
-static bool answers(const char *run_dir, bool *armed)
+enum armed armed_by(struct json_object *status, const struct kept *kept)
+{
+    if ((kept != NULL && kept->armed == KEPT_ARMED) || armed_says(status)) {
+        return ARMED_YES;
+    }
+    if (kept == NULL || status == NULL) {
+        return ARMED_UNKNOWN;
+    }
+    return kept->armed == KEPT_UNSAID   ? ARMED_UNSAID
+           : kept->armed == KEPT_SILENT ? ARMED_SILENT
+                                        : ARMED_NO;
+}
+
+/* It may be about to start again. NULL: it doesn't answer. */
+static struct json_object *await_status(const char *run_dir)
 {
     const struct timespec pause = {.tv_nsec = 100000000};
     struct json_object *status;
@@ -23,47 +36,42 @@ static bool answers(const char *run_dir, bool *armed)
 
     for (int tries = 0; tries < TRIES; tries++) {
         status = status_fetch(run_dir, &error);
-        if (status != NULL) {
-            *armed = armed_says(status);
-            json_object_put(status);
-            return true;
-        }
-        if (error != ENOENT && error != ECONNREFUSED) {
-            return false;
+        if (status != NULL || (error != ENOENT && error != ECONNREFUSED)) {
+            return status;
         }
         nanosleep(&pause, NULL);
     }
-    return false;
+    return NULL;
 }
 
-/* Read again after the answer: a daemon that starts late may have something else to say. */
 enum armed armed_look(const char *run_dir, struct kept *kept)
 {
-    bool armed = false;
+    struct json_object *status;
+    enum armed armed;
 
     if (kept_read(run_dir, kept) == 0 && kept->armed == KEPT_ARMED) {
         return ARMED_YES;
     }
-    if (!answers(run_dir, &armed)) {
+    status = await_status(run_dir);
+    if (status == NULL) {
         return ARMED_UNKNOWN;
     }
-    if (kept_read(run_dir, kept) < 0) {
-        return armed ? ARMED_YES : ARMED_UNKNOWN;
-    }
-    return armed || kept->armed == KEPT_ARMED ? ARMED_YES
-           : kept->armed == KEPT_UNSAID       ? ARMED_UNSAID
-                                              : ARMED_NO;
+    /* Read again: a daemon that starts late may have something else to say. */
+    armed = armed_by(status, kept_read(run_dir, kept) == 0 ? kept : NULL);
+    json_object_put(status);
+    return armed;
 }
 
 const char *armed_not_disarmed(const struct places *places)
 {
     static const char *const sentences[] = {
-        [ARMED_NO] = NULL,
-        [ARMED_YES] = "The aircraft is armed",
         [ARMED_UNKNOWN] =
             "Whether the aircraft is armed isn't known, for the daemon doesn't answer",
+        [ARMED_YES] = "The aircraft is armed",
         [ARMED_UNSAID] =
-            "Whether the aircraft is armed isn't known, for no HEARTBEAT comes that says it"};
+            "Whether the aircraft is armed isn't known, for no HEARTBEAT comes that says it",
+        [ARMED_SILENT] = NULL,
+        [ARMED_NO] = NULL};
     struct kept kept;
 
     return sentences[armed_look(places->run_dir, &kept)];

@@ -70,21 +70,21 @@ bool update_offer_judge(const struct update_offer *offer, char *why, unsigned lo
                       "This version failed its trial, and the board restarts into the one before; "
                       "try again then.");
     }
-    if (offer->armed == UPDATE_ARMED) {
+    if (offer->armed == ARMED_YES) {
         return refuse(why, size,
                       "The aircraft is armed, or its autopilot was lost while it was armed; disarm "
                       "it first.");
     }
-    if (offer->armed == UPDATE_ARMED_UNKNOWN) {
+    if (offer->armed == ARMED_UNKNOWN) {
         return refuse(why, size,
                       "Whether the aircraft is armed isn't known, for the daemon doesn't answer.");
     }
-    if (offer->armed == UPDATE_ARMED_UNSAID) {
+    if (offer->armed == ARMED_UNSAID) {
         return refuse(why, size,
                       "Whether the aircraft is armed isn't known, for no HEARTBEAT comes that says "
                       "it.");
     }
-    if (offer->armed == UPDATE_SILENT && alone) {
+    if (offer->armed == ARMED_SILENT && alone) {
         return refuse(why, size,
                       "The autopilot has fallen silent, and nobody is there to say that it doesn't "
                       "fly; the page or odidctl installs it.");

@@ -8,6 +8,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "appliance/armed.h"
 #include "appliance/update_names.h"
 
 /* What nobody asked for, a stick's, is to be newer, and no version that failed here. */
@@ -28,13 +29,7 @@ struct update_offer {
     uint64_t needed_octets, slot_octets; /* slot_octets 0: the slot's size isn't known */
     bool undecided;                      /* another update waits for the restart or is on trial */
     bool given_up;                       /* the running slot failed its trial */
-    enum {
-        UPDATE_ARMED,
-        UPDATE_DISARMED,
-        UPDATE_ARMED_UNKNOWN, /* the daemon doesn't answer */
-        UPDATE_ARMED_UNSAID,  /* the vehicle speaks, and doesn't say it */
-        UPDATE_SILENT,        /* it was disarmed when it fell silent */
-    } armed;
+    enum armed armed;
     bool remembers; /* what is rolled back can be kept */
 };
 

@@ -47,15 +47,16 @@ static int say_no_answer(const char *run_dir, int error)
 
 int odidctl_tell_armed(const struct places *places)
 {
-    static const char *const words[] = {[ARMED_NO] = "disarmed",
+    static const char *const words[] = {[ARMED_UNKNOWN] = "unknown",
                                         [ARMED_YES] = "armed",
-                                        [ARMED_UNKNOWN] = "unknown",
-                                        [ARMED_UNSAID] = "unknown"};
+                                        [ARMED_UNSAID] = "unknown",
+                                        [ARMED_SILENT] = "disarmed",
+                                        [ARMED_NO] = "disarmed"};
     struct kept kept;
     enum armed armed = armed_look(places->run_dir, &kept);
 
     printf("%s %s %u\n", words[armed], kept.armed_once ? "once" : "never", kept.vehicle);
-    return armed == ARMED_NO ? ODIDCTL_NOT_GOOD : ODIDCTL_GOOD;
+    return armed == ARMED_NO || armed == ARMED_SILENT ? ODIDCTL_NOT_GOOD : ODIDCTL_GOOD;
 }
 
 /* ---- showing ---- */

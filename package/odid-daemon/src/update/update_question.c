@@ -84,11 +84,7 @@ static void fill_offer(struct update_offer *offer, const struct update_bundle *b
         .slot_octets = update_slot_octets(question->other),
         .undecided = question->beside || known < 0 || variables.upgrade_available,
         .given_up = variables.trial_failed == question->running,
-        .armed = (ran && kept.armed == KEPT_ARMED) || armed_says(status) ? UPDATE_ARMED
-                 : status == NULL || !ran                                ? UPDATE_ARMED_UNKNOWN
-                 : kept.armed == KEPT_UNSAID                             ? UPDATE_ARMED_UNSAID
-                 : kept.armed == KEPT_SILENT                             ? UPDATE_SILENT
-                                                                         : UPDATE_DISARMED,
+        .armed = armed_by(status, ran ? &kept : NULL),
         .remembers = remembers(),
     };
     json_object_put(status);

@@ -20,7 +20,7 @@ static int begin(void **state)
         .versions = {.offered = "1.10.0", .running = "1.9.0", .rolled_back = ""},
         .needed_octets = 10,
         .slot_octets = 10,
-        .armed = UPDATE_DISARMED,
+        .armed = ARMED_NO,
         .remembers = true};
     why[0] = '\0';
     return 0;
@@ -111,11 +111,11 @@ static void one_that_was_rolled_back_is_tried_again_where_data_can_be_written(vo
 static void only_a_daemon_that_answers_says_disarmed(void **state)
 {
     (void)state;
-    offer.armed = UPDATE_ARMED;
+    offer.armed = ARMED_YES;
     assert_refused("is armed");
-    offer.armed = UPDATE_ARMED_UNKNOWN;
+    offer.armed = ARMED_UNKNOWN;
     assert_refused("isn't known");
-    offer.armed = UPDATE_ARMED_UNSAID;
+    offer.armed = ARMED_UNSAID;
     assert_refused("no HEARTBEAT");
 }
 
@@ -123,7 +123,7 @@ static void only_a_daemon_that_answers_says_disarmed(void **state)
 static void nothing_begins_by_itself_after_the_autopilot_fell_silent(void **state)
 {
     (void)state;
-    offer.armed = UPDATE_SILENT;
+    offer.armed = ARMED_SILENT;
     assert_taken();
     offer.versions.unattended = true;
     assert_refused("silent");
