@@ -56,7 +56,7 @@ def test_a_crowd_of_invented_addresses_keeps_nobody_out(maintenance):
     wait_maintenance(maintenance, "on")
     maintenance.put("/tmp/crowd", tool("crowd"))
     bssid = maintenance.must("cat /sys/class/net/wlan0/address").strip()
-    stations = "hostapd_cli -p /run/hostapd -i wlan0 all_sta | grep -c '^02:00:00:00:'; true"
+    stations = "umask 0; hostapd_cli -p /run/hostapd -i wlan0 all_sta | grep -c '^02:00:00:00:'; true"
     maintenance.must(f"/tmp/crowd wlan1 {bssid} 20 10")     # at once
     assert int(maintenance.must(stations)) > 4, "it isn't heard"
     maintenance.shell.send(f"/tmp/crowd wlan1 {bssid} 120 300 >/tmp/crowd.log 2>&1 &")

@@ -76,7 +76,7 @@ def test_what_the_router_leaves_behind_is_ended(grounded):
 
 # What belongs to somebody else than root, or may be written by others. Of the daemon's folder root reads `kept`, and asks by
 # `status.sock`; it follows no name there (test_kept.c, test_root_follows_no_name_in_the_daemon_s_folder).
-THEIRS = (r"/run/odid(/.*)?", r"/tmp", r"/var/tmp")
+THEIRS = (r"/run/odid(/.*)?", r"/run/hostapd", r"/tmp", r"/var/tmp")
 
 
 def test_nobody_writes_what_root_reads(make_machine):
@@ -96,3 +96,18 @@ def test_nobody_writes_what_root_reads(make_machine):
     reader = "chpst -u odid-hawkbit:odid-hawkbit cat /run/swupdate.cfg"
     assert "a-secret" in machine.must(reader)
     assert machine.run(reader.replace("-u odid-hawkbit:odid-hawkbit", "-u odid-web:odid-web")).code != 0
+
+
+def test_who_has_hostapd_s_socket_deletes_no_file_of_root_s(make_machine):
+    """As the daemon's user, if it were taken over: at its end hostapd deletes its socket, where it is told that this is."""
+    machine = make_machine("by-hostapd")
+    machine.power_on()
+    machine.wait_on_air()
+    machine.must("mkdir -p /data/theirs && : >/data/theirs/file")
+    before = machine.must("pidof hostapd").strip()
+    for words in ("SET ctrl_interface /data/theirs", "SET interface file", "TERMINATE"):
+        told = machine.must(f"umask 0; chpst -u odid:netdev timeout 5 hostapd_cli -s /tmp -p /run/hostapd -i wlan0 raw '{words}'")
+        assert "OK" in told, words
+    machine.wait_inside("its end", f"[ ! -e /proc/{before} ]")
+    machine.must("[ -e /data/theirs/file ]")
+    machine.wait_on_air()

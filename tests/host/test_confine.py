@@ -1,6 +1,8 @@
 """Programs without a filter of their own, started so that they keep away from the radios."""
 
 import errno
+import os
+import pwd
 import subprocess
 import sys
 
@@ -17,10 +19,10 @@ sys.exit(0 if made >= 0 else ctypes.get_errno())
 """
 
 
-def tried(family, kind, protocol=0):
+def tried(family, kind, protocol=0, words=(CONFINE,)):
     """0, or the error of making such a socket."""
     program = TRY.format(family=family, kind=kind, protocol=protocol)
-    return subprocess.run([CONFINE, sys.executable, "-c", program]).returncode
+    return subprocess.run([*words, os.path.realpath(sys.executable), "-c", program]).returncode
 
 
 @pytest.mark.parametrize("family, kind, protocol", [
@@ -47,7 +49,58 @@ def test_the_program_s_status_is_its_own_and_nothing_gives_it_rights():
     assert said.returncode == 7 and said.stdout.split() == ["NoNewPrivs:", "1", "Seccomp:", "2"]
 
 
-@pytest.mark.parametrize("words, status", [([], 2), (["-x"], 2), (["/nowhere"], 127)])
+@pytest.mark.parametrize("words, status", [([], 2), (["-x"], 2), (["-u"], 2), (["-u", "nobody"], 2), (["/nowhere"], 127)])
 def test_what_can_t_be_started(words, status):
     said = subprocess.run([CONFINE, *words], capture_output=True, text=True)
     assert said.returncode == status and said.stderr.count("\n") == 1 and "odid-confine" in said.stderr
+
+
+# --- with the network's rights (-u), as hostapd --------------------------------
+
+# capability.h's CAP_NET_ADMIN and CAP_NET_RAW
+RIGHTS = f"{1 << 12 | 1 << 13:016x}"
+AS_NOBODY = (CONFINE, "-u", "nobody")
+of_root = pytest.mark.skipif(os.geteuid() != 0, reason="only root may become another user")
+
+
+def status_of(*words):
+    said = subprocess.run([*words, "cat", "/proc/self/status"], capture_output=True, text=True, check=True)
+    return dict(line.split(":\t", 1) for line in said.stdout.splitlines() if ":\t" in line)
+
+
+@of_root
+def test_a_program_that_needs_the_network_s_rights_has_these_and_no_others():
+    """hostapd was root, with all rights; its control socket deletes files by name."""
+    status, nobody = status_of(*AS_NOBODY), pwd.getpwnam("nobody")
+    assert status["Uid"].split() == [str(nobody.pw_uid)] * 4 and status["Gid"].split() == [str(nobody.pw_gid)] * 4
+    assert [int(one) for one in status["Groups"].split()] == os.getgrouplist("nobody", nobody.pw_gid)
+    assert {status[name] for name in ("CapInh", "CapPrm", "CapEff", "CapAmb")} == {RIGHTS}
+    assert int(status["CapBnd"], 16) == 0 and (status["NoNewPrivs"], status["Seccomp"]) == ("1", "2")
+
+
+@of_root
+@pytest.mark.parametrize("family, kind, protocol, error", [
+    ("socket.AF_PACKET", "SOCK_RAW", 0, 0), ("socket.AF_NETLINK", "SOCK_RAW", 16, 0),  # EAPOL; the radio, by nl80211
+    ("socket.AF_NETLINK", "SOCK_RAW", 12, errno.EPERM),  # the firewall
+    ("socket.AF_NETLINK", "SOCK_RAW", "ctypes.c_long(12 | 1 << 32)", errno.EPERM),
+    ("socket.AF_BLUETOOTH", "SOCK_RAW", 1, errno.EPERM)])
+def test_what_it_reaches_with_them(family, kind, protocol, error):
+    assert tried(family, kind, protocol, AS_NOBODY) == error
+
+
+@of_root
+def test_it_leaves_no_process_behind():
+    said = subprocess.run([*AS_NOBODY, "sh", "-c", "sleep 1000 & echo left"], capture_output=True, text=True)
+    assert said.returncode != 0 and not said.stdout and "fork" in said.stderr
+
+
+@of_root
+def test_a_user_that_there_is_not():
+    said = subprocess.run([CONFINE, "-u", "nobody-of-that-name", "true"], capture_output=True, text=True)
+    assert said.returncode == 127 and 'no user "nobody-of-that-name"' in said.stderr
+
+
+@of_root
+def test_who_may_not_become_another_user_starts_nothing():
+    said = subprocess.run([CONFINE, "-u", "root", "echo", "started"], capture_output=True, text=True, user="nobody")
+    assert said.returncode == 127 and not said.stdout and "can't be confined" in said.stderr

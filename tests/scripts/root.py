@@ -30,6 +30,7 @@ echo OK
 """
 # Debian's BusyBox has none; nothing runs twice here.
 FLOCK = "#!/bin/sh\n"
+NETDEV = 100  # the group
 NOTED = ("sv", "nft", "hostapd_cli", "ip")
 # BusyBox' shell takes its own `ip` before the one that is noted: what a script does to a network, a name, a clock or a
 # kernel, it does to none of this machine's.
@@ -55,6 +56,8 @@ class Appliance:
             (root / "usr/bin" / name).chmod(0o755)
         self.settings()
         self.write("armed", "disarmed never 0\n")
+        self.write("etc/passwd", "root:x:0:0::/:/bin/sh\nhostapd:x:994:994::/:/bin/false\n")
+        self.write("etc/group", f"root:x:0:\nhostapd:x:994:\nnetdev:x:{NETDEV}:hostapd\n")
         self.run("/bin/busybox --install -s /bin", shell="/bin/busybox")
 
     def settings(self, **changed):

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from patience import LIMIT_S, stays, wait_for
 
-from .root import KEY, NOTES, OVERLAY, ROOT
+from .root import KEY, NETDEV, NOTES, OVERLAY, ROOT
 
 CAP_SYS_MODULE, CAP_SYS_BOOT, CAP_SYS_TIME = 16, 22, 25  # capability.h
 
@@ -405,7 +405,46 @@ def test_the_access_point_is_closed(appliance):
     assert "vendor_elements" not in made and "@" not in str(made)
     assert re.fullmatch("[0-9a-f]{64}", key) and key != KEY
     assert hostapd(appliance)[1] != key, "the random key is the same each time"
-    assert (appliance.root / "run/hostapd.psk").stat().st_mode & 0o777 == 0o600
+
+
+def test_hostapd_reads_its_files_by_its_group_and_nobody_else_does(appliance):
+    hostapd(appliance)
+    for name in ("hostapd.conf", "hostapd.psk"):
+        file = (appliance.root / "run" / name).stat()
+        assert (file.st_uid, file.st_gid, file.st_mode & 0o777) == (0, USERS["hostapd"][1], 0o640)
+    assert [name for name, (_, gid) in USERS.items() if gid == USERS["hostapd"][1]] == ["hostapd"]
+
+
+def test_hostapd_is_started_without_root_s_rights_and_only_it_and_the_daemon_s_group_are_in_its_folder(appliance):
+    """Whoever had its control socket had it delete root's files: SET ctrl_interface, SET interface, TERMINATE."""
+    appliance.write("usr/bin/odid-confine", '#!/bin/sh\necho "$0 $*" >/began; ls /run/hostapd >>/began\n')
+    appliance.write("usr/bin/iw", NOTES)
+    for name in ("odid-confine", "iw"):
+        (appliance.root / "usr/bin" / name).chmod(0o755)
+    appliance.write("run/hostapd/wlan0", "a killed one's")
+    appliance.must("mkdir -p /sys/class/net/wlan0 && cd /etc/sv/hostapd && ./run")
+    assert appliance.read("began").splitlines() == ["/usr/bin/odid-confine -u hostapd hostapd /run/hostapd.conf"]
+    folder = (appliance.root / "run/hostapd").stat()
+    assert (folder.st_uid, folder.st_gid, folder.st_mode & 0o777) == (USERS["hostapd"][0], NETDEV, 0o750)
+
+
+def test_hostapd_can_answer_root_and_nobody_else_is_among_the_answers(appliance):
+    """Its user writes to the asking program's socket; and gets into that folder, where it makes no name."""
+    (made,) = re.findall(r"^mkdir -p /run/hostapd-cli\n(?:.* /run/hostapd-cli\n)+", appliance.read("etc/init.d/S01mounts"), re.M)
+    appliance.must(made)
+    folder = (appliance.root / "run/hostapd-cli").stat()
+    assert (folder.st_uid, folder.st_gid, folder.st_mode & 0o777) == (0, USERS["hostapd"][1], 0o710)
+    appliance.write("usr/bin/hostapd_cli", '#!/bin/sh\numask >>/umasks; echo "state=ENABLED OK"\n')
+    appliance.write("data/secrets/maintenance.psk", KEY + "\n")
+    appliance.must("mkdir -p /sys/class/net/wlan0; /lib/odid/maintenance on")
+    appliance.change("etc/sv/hostapd-watch/run", ("pause 1", "usleep 20000"))
+    one = running(appliance, "hostapd", True)
+    watch = appliance.start("exec /etc/sv/hostapd-watch/run")
+    try:
+        wait_for("several looks", lambda: appliance.read("umasks").count("\n") > 6)
+    finally:
+        ended_all(one, watch)
+    assert set(appliance.read("umasks").split()) == {"0000"}
 
 
 def test_wifi_switched_off_has_no_configuration(appliance):

@@ -394,7 +394,7 @@ int bind(int fd, const struct sockaddr *name, socklen_t size)
 {
     struct sockaddr_un found;
 
-    if (name->sa_family != AF_UNIX) {
+    if (name->sa_family != AF_UNIX || size == sizeof(sa_family_t)) { /* or the kernel chooses one */
         return NEXT(bind)(fd, name, size);
     }
     size = name_in_world((const struct sockaddr_un *)(const void *)name, &found);

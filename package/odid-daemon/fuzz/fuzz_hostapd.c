@@ -226,7 +226,6 @@ int LLVMFuzzerInitialize(int *count, char ***arguments)
     config.wifi_beacon_enabled = true;
     strcpy(config.wifi_iface, "wlan0");
     strcpy(config.hostapd_dir, directory);
-    strcpy(config.run_dir, directory);
     snprintf(own.sun_path, sizeof(own.sun_path), "%s/wlan0", directory);
     return 0;
 }

@@ -68,7 +68,7 @@ struct config {
     /* [bench]: a position for tests without an autopilot; NAN when off */
     double bench_latitude_deg, bench_longitude_deg;
     /* [daemon] */
-    char run_dir[CONFIG_PATH_SIZE]; /* status socket and hostapd's replies; /run/odid */
+    char run_dir[CONFIG_PATH_SIZE]; /* the status socket's; /run/odid */
     char user[32];                  /* the daemon's own user; odid */
     /*
      * The appliance's own sections, [autopilot] to [board]: the daemon takes no

@@ -2,11 +2,21 @@
  * odid-confine: starts a program that makes no sockets but UNIX's, IP's and netlink's. The kernel
  * lets anybody open a raw socket of a Bluetooth controller, and have commands stand in the queue
  * before the daemon's: without one on the air, who did it for a second would have silenced it.
+ *
+ * With -u the program is one that needs the network's rights, and no others of root's: as that
+ * user it keeps CAP_NET_ADMIN and CAP_NET_RAW, and may make packet sockets as well. It starts no
+ * other process, and so leaves none behind.
  */
+#include <cap-ng.h>
 #include <errno.h>
+#include <linux/netlink.h>
+#include <pwd.h>
 #include <seccomp.h>
+#include <stdbool.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -14,22 +24,42 @@
 
 #define NOT_STARTED 127 /* as a shell says it */
 
-static const int families[] = {AF_UNIX, AF_INET, AF_INET6, AF_NETLINK};
+static const int families[] = {AF_UNIX, AF_INET, AF_INET6, AF_NETLINK,
+                               AF_PACKET /* with -u only */};
+#define FAMILIES (sizeof(families) / sizeof(families[0]))
+
+static const int rights[] = {CAP_NET_ADMIN, CAP_NET_RAW};
+#define RIGHTS (sizeof(rights) / sizeof(rights[0]))
+
+/* ---- the filter ---- */
+
+/* With CAP_NET_ADMIN it would be the way to the firewall's rules. */
+static int refuse_firewall(scmp_filter_ctx filter, uint32_t refuse)
+{
+    const uint64_t number = UINT32_MAX; /* what the kernel looks at */
+
+    return seccomp_rule_add(filter, refuse, SCMP_SYS(socket), 2,
+                            SCMP_A0(SCMP_CMP_EQ, (scmp_datum_t)AF_NETLINK),
+                            SCMP_A2(SCMP_CMP_MASKED_EQ, number, (scmp_datum_t)NETLINK_NETFILTER));
+}
 
 /* With an error: a library that only tries goes on without. What makes sockets by another way isn't
  * to be had either. */
-static int add_refusals(scmp_filter_ctx filter)
+static int add_refusals(scmp_filter_ctx filter, bool has_rights)
 {
     const uint32_t refuse = SCMP_ACT_ERRNO(EPERM);
     int result = seccomp_rule_add(filter, refuse, SCMP_SYS(io_uring_setup), 0);
 
+    if (result == 0 && has_rights) {
+        result = refuse_firewall(filter, refuse);
+    }
     return result < 0 ? result
                       : socket_families_refuse(filter, refuse, families,
-                                               sizeof(families) / sizeof(families[0]));
+                                               has_rights ? FAMILIES : FAMILIES - 1);
 }
 
 /* Sets no_new_privs as well. */
-static int confine(void)
+static int enter_filter(bool has_rights)
 {
     scmp_filter_ctx filter = seccomp_init(SCMP_ACT_ALLOW);
     int result;
@@ -37,7 +67,7 @@ static int confine(void)
     if (filter == NULL) {
         return -ENOMEM;
     }
-    result = add_refusals(filter);
+    result = add_refusals(filter, has_rights);
     if (result == 0) {
         result = seccomp_load(filter);
     }
@@ -45,21 +75,66 @@ static int confine(void)
     return result;
 }
 
+/* ---- the user ---- */
+
+/* The two rights outlive the change of user, and by the ambient set the start of the program; the
+ * bounding set is emptied. */
+static int become(const char *user)
+{
+    const struct rlimit itself = {.rlim_cur = 1, .rlim_max = 1};
+    const struct passwd *entry = getpwnam(user);
+
+    if (entry == NULL) {
+        return -ENOENT;
+    }
+    capng_clear(CAPNG_SELECT_ALL);
+    for (size_t i = 0; i < RIGHTS; i++) {
+        if (capng_update(CAPNG_ADD, CAPNG_EFFECTIVE | CAPNG_PERMITTED | CAPNG_INHERITABLE,
+                         (unsigned)rights[i]) < 0) {
+            return -EPERM;
+        }
+    }
+    if (capng_change_id((int)entry->pw_uid, (int)entry->pw_gid,
+                        CAPNG_INIT_SUPP_GRP | CAPNG_CLEAR_BOUNDING | CAPNG_CLEAR_AMBIENT) < 0) {
+        return -EPERM;
+    }
+    for (size_t i = 0; i < RIGHTS; i++) {
+        if (prctl(PR_CAP_AMBIENT, PR_CAP_AMBIENT_RAISE, rights[i], 0, 0) < 0) {
+            return -errno;
+        }
+    }
+    return setrlimit(RLIMIT_NPROC, &itself) < 0 ? -errno : 0;
+}
+
+static int confine(const char *user)
+{
+    int result = user == NULL ? 0 : become(user);
+
+    return result < 0 ? result : enter_filter(user != NULL);
+}
+
 int main(int argc, char **argv)
 {
+    const char *user = argc > 2 && strcmp(argv[1], "-u") == 0 ? argv[2] : NULL;
+    char **program = argv + (user == NULL ? 1 : 3);
     int result;
 
-    if (argc < 2 || argv[1][0] == '-') {
-        fprintf(stderr, "usage: odid-confine program [argument ...]\n");
+    if (argc < 2 || program[0] == NULL || program[0][0] == '-') {
+        fprintf(stderr, "usage: odid-confine [-u user] program [argument ...]\n");
         return 2;
     }
-    result = confine();
-    if (result < 0) {
-        fprintf(stderr, "odid-confine: %s isn't started, for it can't be confined: %s\n", argv[1],
-                strerror(-result));
+    result = confine(user);
+    if (result == -ENOENT) {
+        fprintf(stderr, "odid-confine: %s isn't started: there is no user \"%s\"\n", program[0],
+                user);
         return NOT_STARTED;
     }
-    execvp(argv[1], argv + 1);
-    fprintf(stderr, "odid-confine: %s: %s\n", argv[1], strerror(errno));
+    if (result < 0) {
+        fprintf(stderr, "odid-confine: %s isn't started, for it can't be confined: %s\n",
+                program[0], strerror(-result));
+        return NOT_STARTED;
+    }
+    execvp(program[0], program);
+    fprintf(stderr, "odid-confine: %s: %s\n", program[0], strerror(errno));
     return NOT_STARTED;
 }

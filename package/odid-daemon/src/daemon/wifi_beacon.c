@@ -208,8 +208,8 @@ static void on_reply(void *context, const char *reply, int64_t now_us)
 
 static void open_control(int64_t now_us)
 {
-    int result = hostapd_control_open(&self.control, self.config->hostapd_dir,
-                                      self.config->wifi_iface, self.config->run_dir);
+    int result =
+        hostapd_control_open(&self.control, self.config->hostapd_dir, self.config->wifi_iface);
 
     if (result < 0) {
         close_and_retry(RADIO_ABSENT, "hostapd's control socket", result, now_us);

@@ -199,14 +199,14 @@ static void on_reply(void *context, const char *reply, int64_t now_us)
     }
 }
 
-static void start_wifi(const char *own_dir, int64_t now_us)
+static void start_wifi(int64_t now_us)
 {
     int result;
 
     self.order = 0;
     hostapd_control_init(&self.control, on_reply, on_hostapd_lost, NULL);
     self.control_known = true;
-    result = hostapd_control_open(&self.control, self.plan.hostapd_dir, self.plan.iface, own_dir);
+    result = hostapd_control_open(&self.control, self.plan.hostapd_dir, self.plan.iface);
     if (result == -ENOENT || result == -ECONNREFUSED) {
         /* The kernel may go on without it, with the last beacon. */
         end_wifi(if_nametoindex(self.plan.iface) == 0 ? NULL : "hostapd does not run", now_us);
@@ -243,8 +243,8 @@ void keeper_air_plan(struct keeper_air_plan *plan, const struct config *config)
     }
 }
 
-void keeper_air_start(const struct keeper_air_plan *plan, const char *own_dir,
-                      keeper_air_done_fn *done, void *context, int64_t now_us)
+void keeper_air_start(const struct keeper_air_plan *plan, keeper_air_done_fn *done, void *context,
+                      int64_t now_us)
 {
     keeper_air_stop();
     self.plan = *plan;
@@ -261,7 +261,7 @@ void keeper_air_start(const struct keeper_air_plan *plan, const char *own_dir,
     }
     if (self.plan.iface[0] != '\0') {
         self.pending++;
-        start_wifi(own_dir, now_us);
+        start_wifi(now_us);
     }
     one_is_done(now_us);
 }

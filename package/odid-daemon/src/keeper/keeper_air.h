@@ -32,9 +32,9 @@ void keeper_air_plan(struct keeper_air_plan *plan, const struct config *config);
  */
 typedef void keeper_air_done_fn(void *context, const char *off, const char *left, int64_t now_us);
 
-/* own_dir: where hostapd's replies come to. done is called once, possibly before this returns. */
-void keeper_air_start(const struct keeper_air_plan *plan, const char *own_dir,
-                      keeper_air_done_fn *done, void *context, int64_t now_us);
+/* done is called once, possibly before this returns. */
+void keeper_air_start(const struct keeper_air_plan *plan, keeper_air_done_fn *done, void *context,
+                      int64_t now_us);
 
 /* The daemon is back: what isn't done yet is left, and done isn't called any more. */
 void keeper_air_stop(void);

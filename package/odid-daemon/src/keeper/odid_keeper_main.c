@@ -28,8 +28,6 @@
 #define PATIENCE_MIN_S 0.1
 #define PATIENCE_MAX_S 3600.0
 #define FAULTS "/run/faults"
-/* Where hostapd's replies come to: root's, unlike the daemon's own directory. */
-#define OWN_DIR "/run"
 
 static struct {
     double silent_s, off_air_s;
@@ -163,7 +161,7 @@ static void advance(int64_t now_us)
             keeper_process_signal(&self.process, SIGTERM);
             break;
         case KEEPER_TAKE_OFF_AIR:
-            keeper_air_start(&self.plan, OWN_DIR, on_off_air, NULL, now_us);
+            keeper_air_start(&self.plan, on_off_air, NULL, now_us);
             break;
         default:
             loop_stop();

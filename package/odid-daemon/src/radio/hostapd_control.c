@@ -13,8 +13,6 @@
 #define REPLY_MAX 4096
 /* Datagrams read in one go: whoever talks without end must not keep the loop from its deadlines. */
 #define READS_MAX 16
-/* Names that our end takes in turn, so that few are left behind however often we are killed. */
-#define OWN_NAMES 16
 
 static void lose(struct hostapd_control *control, int error, int64_t now_us)
 {
@@ -32,7 +30,6 @@ void hostapd_control_init(struct hostapd_control *control, hostapd_reply_fn *on_
 {
     control->watch.fd = -1;
     control->waiting = false;
-    control->own_path[0] = '\0';
     control->on_reply = on_reply;
     control->on_lost = on_lost;
     control->context = context;
@@ -76,49 +73,39 @@ static void on_readable(void *context, uint32_t events, int64_t now_us)
     }
 }
 
-static int connect_socket(int fd, const char *own_path, const char *hostapd_dir, const char *iface)
+static int connect_socket(int fd, const char *hostapd_dir, const char *iface)
 {
-    struct sockaddr_un own = {.sun_family = AF_UNIX}, theirs = {.sun_family = AF_UNIX};
-    int length;
+    struct sockaddr_un theirs = {.sun_family = AF_UNIX};
+    const sa_family_t unnamed = AF_UNIX;
+    int length = snprintf(theirs.sun_path, sizeof(theirs.sun_path), "%s/%s", hostapd_dir, iface);
 
-    snprintf(own.sun_path, sizeof(own.sun_path), "%s", own_path);
-    length = snprintf(theirs.sun_path, sizeof(theirs.sun_path), "%s/%s", hostapd_dir, iface);
     if (length < 0 || (size_t)length >= sizeof(theirs.sun_path)) {
         return -ENAMETOOLONG;
     }
-    unlink(own_path); /* a killed daemon's */
-    if (bind(fd, (struct sockaddr *)&own, sizeof(own)) < 0 ||
-        connect(fd, (struct sockaddr *)&theirs, sizeof(theirs)) < 0) {
+    /* Connected first: from then on the kernel lets nobody else send to us. */
+    if (connect(fd, (struct sockaddr *)&theirs, sizeof(theirs)) < 0 ||
+        bind(fd, (const struct sockaddr *)&unnamed, sizeof(unnamed)) < 0) {
         return -errno;
     }
     return 0;
 }
 
 int hostapd_control_open(struct hostapd_control *control, const char *hostapd_dir,
-                         const char *iface, const char *run_dir)
+                         const char *iface)
 {
-    static unsigned opened;
-    unsigned name = ((unsigned)getpid() + opened++) % OWN_NAMES;
-    int fd, length, result;
+    int fd, result;
 
     hostapd_control_close(control);
-    /* Another name each time: what a hostapd that hung answers too late is addressed to nobody,
-     * instead of being taken for the answer to what was asked since. */
-    length = snprintf(control->own_path, sizeof(control->own_path), "%s/hostapd-%u", run_dir, name);
-    if (length < 0 || (size_t)length >= sizeof(control->own_path)) {
-        return -ENAMETOOLONG;
-    }
     fd = socket(AF_UNIX, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
     if (fd < 0) {
         return -errno;
     }
-    result = connect_socket(fd, control->own_path, hostapd_dir, iface);
+    result = connect_socket(fd, hostapd_dir, iface);
     if (result == 0) {
         result = loop_watch(&control->watch, fd, EPOLLIN, on_readable, control);
     }
     if (result < 0) {
         close(fd);
-        unlink(control->own_path);
     }
     return result;
 }
@@ -132,7 +119,6 @@ void hostapd_control_close(struct hostapd_control *control)
     loop_unwatch(&control->watch);
     if (fd >= 0) {
         close(fd);
-        unlink(control->own_path);
     }
 }
 

@@ -26,15 +26,19 @@ struct hostapd_control {
     hostapd_reply_fn *on_reply;
     hostapd_lost_fn *on_lost;
     void *context;
-    char own_path[108];
 };
 
 /* on_reply is called for each request's reply; unsolicited "<N>..." events are skipped. */
 void hostapd_control_init(struct hostapd_control *control, hostapd_reply_fn *on_reply,
                           hostapd_lost_fn *on_lost, void *context);
-/* Connects to <hostapd_dir>/<iface>, binding our end in run_dir. Returns 0, or -errno. */
+/*
+ * Connects to <hostapd_dir>/<iface>. Our end has a name of the kernel's choice (unix(7), autobind):
+ * hostapd, whose user isn't ours, can answer there, and nothing of it is left behind. It is another
+ * one each time: what a hostapd that hung answers too late is addressed to nobody, instead of being
+ * taken for the answer to what was asked since. Returns 0, or -errno.
+ */
 int hostapd_control_open(struct hostapd_control *control, const char *hostapd_dir,
-                         const char *iface, const char *run_dir);
+                         const char *iface);
 void hostapd_control_close(struct hostapd_control *control);
 /* Returns 0, or -errno (EBUSY: a reply is awaited). */
 int hostapd_control_request(struct hostapd_control *control, const char *request, int64_t now_us);

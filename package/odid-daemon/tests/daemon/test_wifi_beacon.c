@@ -40,7 +40,6 @@ static void start(void)
     config.wifi_beacon_enabled = true;
     snprintf(config.wifi_iface, sizeof(config.wifi_iface), "wlan0");
     snprintf(config.hostapd_dir, sizeof(config.hostapd_dir), "%s", fake.directory);
-    snprintf(config.run_dir, sizeof(config.run_dir), "%s", fake.directory);
     wifi_beacon_start(&config, &radio, loop_now_us());
     set(++counter);
 }

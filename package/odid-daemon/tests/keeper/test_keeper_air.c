@@ -65,7 +65,7 @@ static void with_hostapd(void)
 
 static void take_off(int ms)
 {
-    keeper_air_start(&plan, hostapd.directory, on_done, NULL, loop_now_us());
+    keeper_air_start(&plan, on_done, NULL, loop_now_us());
     assert_true(loop_until(is_done, ms));
     run_ms(5);
     assert_int_equal(done, 1);
@@ -205,7 +205,7 @@ static void all_radios_are_seen_to_whatever_one_of_them_does(void **state)
 static void no_radio_at_all_is_done_at_once(void **state)
 {
     (void)state;
-    keeper_air_start(&plan, hostapd.directory, on_done, NULL, loop_now_us());
+    keeper_air_start(&plan, on_done, NULL, loop_now_us());
     assert_int_equal(done, 1);
     assert_string_equal(off, "");
     assert_string_equal(left, "");
@@ -218,7 +218,7 @@ static void stopped_it_says_and_does_nothing_more(void **state)
     controller.mute = true;
     with_controller();
     with_hostapd();
-    keeper_air_start(&plan, hostapd.directory, on_done, NULL, loop_now_us());
+    keeper_air_start(&plan, on_done, NULL, loop_now_us());
     run_ms(20);
     keeper_air_stop();
     run_ms(1200);

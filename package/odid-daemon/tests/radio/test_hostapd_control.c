@@ -3,6 +3,7 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <sys/wait.h>
 
 #include <cmocka.h>
 
@@ -11,6 +12,8 @@
 #include "fake_hostapd.h"
 #include "loop_until.h"
 #include "radio/hostapd_control.h"
+
+#define NOBODY 65534
 
 static struct fake_hostapd fake;
 static struct hostapd_control control = {.watch.fd = -1};
@@ -37,7 +40,7 @@ static void on_lost(void *context, int why, int64_t now_us)
 
 static int open_control(void)
 {
-    return hostapd_control_open(&control, fake.directory, "wlan0", fake.directory);
+    return hostapd_control_open(&control, fake.directory, "wlan0");
 }
 
 static int set_up(void **state)
@@ -138,21 +141,46 @@ static void a_hostapd_that_is_gone_is_noticed_by_the_next_request(void **state)
     assert_true(loop_until(it_replied, 500));
 }
 
-static void what_a_killed_daemon_left_behind_is_in_nobodys_way(void **state)
+/* Its user isn't ours; a name in a folder of ours it couldn't answer to. */
+static void a_hostapd_without_our_rights_can_answer(void **state)
 {
-    char path[64];
+    int ended;
+    pid_t answers;
 
     (void)state;
-    hostapd_control_close(&control);
-    for (int i = 0; i < 16; i++) {
-        snprintf(path, sizeof(path), "%s/hostapd-%d", fake.directory, i);
-        close(open(path, O_CREAT | O_WRONLY, 0600));
-    }
-    for (int i = 0; i < 16; i++) {
-        assert_int_equal(open_control(), 0);
-    }
     assert_int_equal(hostapd_control_request(&control, "STATUS", loop_now_us()), 0);
+    answers = fork();
+    if (answers == 0) {
+        char request[64];
+
+        fake.client_size = sizeof(fake.client);
+        if ((geteuid() == 0 && (setgid(NOBODY) < 0 || setuid(NOBODY) < 0)) ||
+            recvfrom(fake.watch.fd, request, sizeof(request), 0, (struct sockaddr *)&fake.client,
+                     &fake.client_size) < 0) {
+            _exit(1);
+        }
+        _exit(sendto(fake.watch.fd, "OK", 2, 0, (struct sockaddr *)&fake.client,
+                     fake.client_size) == 2
+                  ? 0
+                  : 2);
+    }
+    assert_int_equal(waitpid(answers, &ended, 0), answers);
+    assert_int_equal(ended, 0);
     assert_true(loop_until(it_replied, 500));
+}
+
+static void nobody_else_can_answer(void **state)
+{
+    struct sockaddr_un ours;
+    socklen_t size = sizeof(ours);
+    int stranger = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+
+    (void)state;
+    assert_int_equal(getsockname(control.watch.fd, (struct sockaddr *)&ours, &size), 0);
+    assert_true(size > sizeof(sa_family_t)); /* it has a name */
+    assert_int_equal(sendto(stranger, "OK", 2, 0, (struct sockaddr *)&ours, size), -1);
+    assert_int_equal(errno, EPERM);
+    close(stranger);
 }
 
 static void paths_that_are_too_long_are_refused(void **state)
@@ -162,10 +190,7 @@ static void paths_that_are_too_long_are_refused(void **state)
     (void)state;
     memset(directory, 'x', sizeof(directory));
     directory[sizeof(directory) - 1] = '\0';
-    assert_int_equal(hostapd_control_open(&control, directory, "wlan0", fake.directory),
-                     -ENAMETOOLONG);
-    assert_int_equal(hostapd_control_open(&control, fake.directory, "wlan0", directory),
-                     -ENAMETOOLONG);
+    assert_int_equal(hostapd_control_open(&control, directory, "wlan0"), -ENAMETOOLONG);
 }
 
 int main(void)
@@ -178,7 +203,8 @@ int main(void)
         TEST(a_hostapd_that_hangs_is_lost_after_a_second),
         TEST(a_late_reply_is_not_taken_for_the_next_one),
         TEST(a_hostapd_that_is_gone_is_noticed_by_the_next_request),
-        TEST(what_a_killed_daemon_left_behind_is_in_nobodys_way),
+        TEST(a_hostapd_without_our_rights_can_answer),
+        TEST(nobody_else_can_answer),
         TEST(paths_that_are_too_long_are_refused),
     };
 
