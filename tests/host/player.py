@@ -5,7 +5,7 @@ number of its sender's, and what is played of that one after it has the next one
 
 `--to udp:ADDRESS:PORT` sends datagrams, `serial:PATH` writes to a device, `pty:PATH` makes a pty
 with a link at that path, `unix:PATH` connects to a UNIX socket, which is the serial line of an
-emulated machine. At the log's end it stops sending and stays, until it is ended.
+emulated machine. At the log's end it is silent, as an autopilot that was switched off, and stays until it is ended.
 
 Orders, one a line on standard input, each answered by "done" or "error: ...":
   pause | resume     an autopilot that falls silent; the log's time goes on meanwhile
@@ -261,6 +261,7 @@ class Player:
                 self.played.write(mono, record)
         print(f"played {len(self.prepared)} frames in {time.monotonic() - start:.1f} s",
               file=sys.stderr, flush=True)
+        self.paused = True
         self.wait(None)
 
 

@@ -356,9 +356,15 @@ def test_the_player_keeps_bytes_and_time(tmp_path):
                 heard.append((time.monotonic(), frame))
             heartbeat = tlog.mavlink.MAVLink_heartbeat_message(34, 8, 0, 0, 4, 3)
             ear.sendto(heartbeat.pack(tlog.mavlink.MAVLink(None, srcSystem=1, srcComponent=236)), sender)
-            patience.wait_for("the answer", (tmp_path / "answers.jsonl").read_text, part=player)
+            # Its log is over: it hears, and is silent.
+            command = tlog.mavlink.MAVLink_command_long_message(1, 1, 511, 0, 33, 200000, 0, 0, 0, 0, 0)
+            ear.sendto(command.pack(tlog.mavlink.MAVLink(None, srcSystem=1, srcComponent=236)), sender)
+            patience.wait_for("the second answer", lambda: len(json_lines(tmp_path / "answers.jsonl")) == 2, part=player)
         finally:
             player.stop(signal.SIGTERM)
+        ear.setblocking(False)
+        with pytest.raises(BlockingIOError):
+            ear.recv(512)
     assert [frame for _, frame in heard] == [frame for _, frame in expected]
     late = [mono - heard[0][0] - at_s for (mono, _), (at_s, _) in zip(heard, expected)]
     patience.promise("how late it plays, in the middle", abs(sorted(late)[len(late) // 2]), 0.02)
