@@ -1134,6 +1134,18 @@ def test_nothing_is_restarted_where_nobody_says_disarmed(appliance):
     assert appliance.calls() == ["odidctl armed"]
 
 
+@pytest.mark.parametrize("changed", [False, True])
+def test_the_daemon_is_restarted_by_its_own_settings_only(appliance, changed):
+    """Whatever was saved, nothing was broadcast for a second."""
+    hostapd(appliance)
+    if changed:
+        appliance.write("changed", "")
+    appliance.settings(wifi__channel="11")
+    assert saved(appliance).returncode == 0
+    assert ("sv term odid-daemon" in appliance.calls()) == changed
+    assert "sv term hostapd" in appliance.calls()
+
+
 def test_another_password_counts_at_once(appliance):
     """It was said to be in effect, and hostapd went on with the old one."""
     appliance.write("data/secrets/maintenance.psk", KEY + "\n")

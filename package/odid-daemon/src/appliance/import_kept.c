@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "appliance/places.h"
+#include "base/fingerprint.h"
 #include "base/whole_file.h"
 #include "config/config_keys.h"
 
@@ -13,15 +14,10 @@
 #define LINE_SIZE 20
 #define FILE_MAX 65536 /* as for whoever reads it */
 
-/* FNV-1a: tells a changed file from the one before; nobody has to be kept from forging it. */
-static void fingerprint(const char *text, size_t length, char line[LINE_SIZE])
+static void fingerprint_line(const char *text, size_t length, char line[LINE_SIZE])
 {
-    uint64_t hash = UINT64_C(0xcbf29ce484222325);
-
-    for (size_t i = 0; i < length; i++) {
-        hash = (hash ^ (unsigned char)text[i]) * UINT64_C(0x100000001b3);
-    }
-    snprintf(line, LINE_SIZE, "%016" PRIx64 "\n", hash);
+    snprintf(line, LINE_SIZE, "%016" PRIx64 "\n",
+             fingerprint(FINGERPRINT_OF_NOTHING, text, length));
 }
 
 /* Nothing gets there but a text. least: an empty one, too. */
@@ -50,7 +46,7 @@ bool import_kept(const char *path, const char *text, size_t length)
     bool same;
 
     snprintf(beside, sizeof(beside), "%s.imported", path);
-    fingerprint(text, length, now);
+    fingerprint_line(text, length, now);
     before = whole_file_read(beside, 64, &before_length);
     same = before != NULL && strcmp(before, now) == 0 && is_sound(path, length > 0 ? 1 : 0);
     free(before);
@@ -65,7 +61,7 @@ int import_keep(const char *path, const char *text, size_t length, mode_t mode)
 
     if (result == 0) {
         snprintf(beside, sizeof(beside), "%s.imported", path);
-        fingerprint(text, length, line);
+        fingerprint_line(text, length, line);
         result = whole_file_replace(beside, line, strlen(line), 0644);
     }
     return result;

@@ -1,7 +1,8 @@
-/* odidctl get and set: one value of the configuration in force. */
+/* odidctl get, set and in-force: the configuration in force. */
 #include "appliance/settings.h"
 
 #include <errno.h>
+#include <inttypes.h>
 #include <spawn.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -14,6 +15,7 @@
 #include "appliance/faults.h"
 #include "appliance/password.h"
 #include "appliance/places.h"
+#include "appliance/status_fetch.h"
 #include "appliance/wrong.h"
 #include "base/whole_file.h"
 #include "config/config_edit.h"
@@ -424,4 +426,36 @@ int settings_set(const struct places *places, const char *name, char *value)
     }
     explicit_bzero(copy, sizeof(copy));
     return result;
+}
+
+/* ---- in force ---- */
+
+static void count_wrong(void *context, enum config_severity severity, const char *sentence)
+{
+    unsigned *wrong = context;
+
+    (void)sentence;
+    *wrong += severity != CONFIG_NOTE;
+}
+
+int settings_in_force(const struct places *places)
+{
+    char path[PLACES_PATH_SIZE], saved[20];
+    struct json_object *status, *daemon_s;
+    struct config config;
+    unsigned wrong = 0;
+    bool same;
+    int error;
+
+    places_config(places, path);
+    config_defaults(&config);
+    config_read_file(&config, path, count_wrong, &wrong);
+    explicit_bzero(config.maintenance_password, sizeof(config.maintenance_password));
+    snprintf(saved, sizeof(saved), "%016" PRIx64, config_fingerprint(&config, wrong));
+    status = status_fetch(places->run_dir, &error);
+    daemon_s =
+        json_object_object_get(json_object_object_get(status, "configuration"), "fingerprint");
+    same = wrong == 0 && daemon_s != NULL && strcmp(json_object_get_string(daemon_s), saved) == 0;
+    json_object_put(status);
+    return same ? ODIDCTL_GOOD : ODIDCTL_NOT_GOOD;
 }

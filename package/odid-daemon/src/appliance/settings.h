@@ -1,4 +1,4 @@
-/* One value of the configuration in force. */
+/* The configuration in force, value by value. */
 #ifndef ODID_SETTINGS_H
 #define ODID_SETTINGS_H
 
@@ -10,5 +10,9 @@ int settings_get(const struct places *places, char *const names[]);
 
 /* value is cleared once it was read: it lies open in the process list. */
 int settings_set(const struct places *places, const char *name, char *value);
+
+/* Does odid-daemon run with what the file has for it? ODIDCTL_NOT_GOOD also where nobody can say.
+ */
+int settings_in_force(const struct places *places);
 
 #endif

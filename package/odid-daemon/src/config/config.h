@@ -126,6 +126,13 @@ unsigned config_read_environment(struct config *config, const char *(*getenv_fn)
 unsigned config_keep_appliance(struct config *config, config_report_fn *report, void *context);
 
 /*
+ * What a file has for odid-daemon, as a number: another one where a value of its sections is
+ * another one, whatever the appliance's other programs have theirs. Of a file in which something is
+ * wrong 0: the daemon says what, and in which line.
+ */
+uint64_t config_fingerprint(const struct config *config, unsigned wrong);
+
+/*
  * Judges the whole, after all sources: identifier formats, missing identity,
  * combinations. Sentences are warnings: what is configured is broadcast.
  * Returns the number of warnings.

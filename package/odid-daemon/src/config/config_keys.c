@@ -7,9 +7,14 @@
 #include <string.h>
 #include <strings.h>
 
+#include "base/fingerprint.h"
 #include "base/utf8.h"
 
 #define AT(field) offsetof(struct config, field)
+
+/* What the daemon takes no notice of. */
+static const char *const of_the_appliance[] = {"autopilot",   "ground_station", "wifi",
+                                               "maintenance", "update",         "board"};
 
 const struct config_key config_keys[] = {
     {"basic_id", "uas_id", AT(basic_id[0].uas_id), &config_rule_id},
@@ -263,4 +268,31 @@ void config_key_show(const struct config_key *key, const struct config *config, 
     } else {
         key->rule->show(key->rule, field, out, size);
     }
+}
+
+/* ---- what a file has for odid-daemon ---- */
+
+static bool is_of_the_appliance(const struct config_key *key)
+{
+    for (size_t i = 0; i < sizeof(of_the_appliance) / sizeof(of_the_appliance[0]); i++) {
+        if (strcmp(key->section, of_the_appliance[i]) == 0) {
+            return true;
+        }
+    }
+    return false;
+}
+
+uint64_t config_fingerprint(const struct config *config, unsigned wrong)
+{
+    uint64_t found = FINGERPRINT_OF_NOTHING;
+
+    for (const struct config_key *key = config_keys; key->section != NULL; key++) {
+        char shown[2 * CONFIG_PATH_SIZE];
+
+        if (!is_of_the_appliance(key)) {
+            config_key_show(key, config, shown, sizeof(shown));
+            found = fingerprint(found, shown, strlen(shown) + 1);
+        }
+    }
+    return wrong > 0 ? 0 : found;
 }

@@ -146,6 +146,7 @@ static void gather(void *context, struct status_snapshot *snapshot, int64_t now_
     snapshot->start_us = self.start_us;
     snapshot->vehicle = telemetry_vehicle(self.telemetry);
     snapshot->speaks = telemetry_vehicle_speaks(self.telemetry, now_us);
+    snapshot->config_file = self.options.file;
     snapshot->config_reports = self.options.reports;
     snapshot->config_report = (const char(*)[CONFIG_PROBLEM_SIZE])self.options.report;
 }

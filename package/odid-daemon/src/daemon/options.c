@@ -140,6 +140,7 @@ bool options_read(struct options *options, int argc, char *const argv[])
     }
     config_defaults(&options->config);
     config_read_file(&options->config, file, report, options);
+    options->file = config_fingerprint(&options->config, options->errors + options->warnings);
     config_read_environment(&options->config, environment, report, options);
     if (options->appliance) {
         config_keep_appliance(&options->config, report, options);

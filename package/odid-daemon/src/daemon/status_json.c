@@ -1,5 +1,6 @@
 #include "daemon/status_json.h"
 
+#include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -324,8 +325,11 @@ static void add_daemon(struct json_object *root, const struct status_snapshot *s
     const struct status_lateness *lateness = snapshot->lateness;
     struct json_object *object = add_object(root, "configuration"), *array;
     int64_t p99_us = status_lateness_p99_us(lateness);
+    char fingerprint[17];
 
     add_count(object, "errors", snapshot->input.config_errors);
+    snprintf(fingerprint, sizeof(fingerprint), "%016" PRIx64, snapshot->config_file);
+    add_text(object, "fingerprint", fingerprint);
     array = json_object_new_array_ext((int)snapshot->config_reports);
     add(object, "sentences", array);
     for (unsigned i = 0; i < snapshot->config_reports; i++) {

@@ -25,6 +25,7 @@ static const char usage[] =
     "  odidctl check DIR                 whether import would take over all that is there\n"
     "  odidctl get SECTION.KEY...        the values in force, such as wifi.channel's, one a line\n"
     "  odidctl set SECTION.KEY VALUE     changes it, unless it is wrong\n"
+    "  odidctl in-force                  has the daemon what is saved for it? for scripts\n"
     "  odidctl import DIR                takes over DIR/odid.conf and DIR/authorized_keys\n"
     "  odidctl maintenance on|off        opens the access point to the technician, or closes it\n"
     "  odidctl update [FILE|URL]         installs a bundle; alone: how the update stands\n"
@@ -111,6 +112,12 @@ static int run_set(char *const words[])
     return settings_set(&self.places, words[1], words[2]);
 }
 
+static int run_in_force(char *const words[])
+{
+    (void)words;
+    return settings_in_force(&self.places);
+}
+
 static int run_import(char *const words[])
 {
     return odidctl_import(&self.places, words[1]);
@@ -162,6 +169,7 @@ static const struct command {
     {"check", 2, 2, "check needs one FILE or DIR", run_check, false},
     {"get", 2, WORDS_MAX, "get needs at least one SECTION.KEY, and takes up to 11", run_get, false},
     {"set", 3, 3, "set needs SECTION.KEY and VALUE; quote a value with blanks", run_set, false},
+    {"in-force", 1, 1, "in-force takes no words", run_in_force, false},
     {"import", 2, 2, "import needs one DIR", run_import, false},
     {"armed", 1, 1, "armed takes no words", run_armed, false},
     {"maintenance", 2, 2, "maintenance needs \"on\" or \"off\"", run_maintenance, false},

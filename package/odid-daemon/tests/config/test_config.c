@@ -304,6 +304,54 @@ static void environment(void **state)
     assert_true(config.wifi_beacon_enabled);
 }
 
+/* ---- what the file has for the daemon ---- */
+
+static uint64_t fingerprint_of(const char *text)
+{
+    unsigned errors = parse(text);
+
+    return config_fingerprint(&config, errors + reports.warnings);
+}
+
+static void the_daemon_s_values_and_no_others(void **state)
+{
+    static const char *const its_own[] = {
+        "[basic_id]\nuas_id = SSRS5GBG01",
+        "[basic_id_2]\nid_type = session",
+        "[operator]\noperator_id = x",
+        "[self_id]\ndescription = x",
+        "[system]\noperator_altitude = 40",
+        "[mavlink]\nrequest_rate = no",
+        "[broadcast]\nbt_adapter = hci1",
+        "[bench]\nlatitude = 1\nlongitude = 1",
+        "[broadcast]\nbt5_enabled = false",
+        "[daemon]\nuser = nobody",
+        "[system]\noperator_latitude = 57.70890001\noperator_longitude = 1"};
+    static const char *const others[] = {
+                                         "[autopilot]\ndevice = /dev/ttyAMA3",
+                                         "[ground_station]\naddress = 10.0.0.1",
+                                         "[wifi]\nchannel = 11",
+                                         "[maintenance]\nat_boot = yes",
+                                         "[update]\nhawkbit_id = me",
+                                         "[board]\nantenna = external"};
+    uint64_t found[COUNT(its_own)], none;
+
+    (void)state;
+    none = fingerprint_of("; nothing");
+    for (size_t i = 0; i < COUNT(others); i++) {
+        assert_int_equal(fingerprint_of(others[i]), none);
+    }
+    for (size_t i = 0; i < COUNT(its_own); i++) {
+        found[i] = fingerprint_of(its_own[i]);
+        assert_true(found[i] != none && found[i] != 0);
+        for (size_t j = 0; j < i; j++) {
+            assert_true(found[i] != found[j]);
+        }
+    }
+    assert_int_equal(fingerprint_of("[wifi]\nchanel = 11"), 0);
+    assert_int_equal(fingerprint_of("[wifi]\nchannel = 14"), 0);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -315,6 +363,7 @@ int main(void)
         cmocka_unit_test(booleans),
         cmocka_unit_test(every_speed),
         cmocka_unit_test(environment),
+        cmocka_unit_test(the_daemon_s_values_and_no_others),
     };
 
     return cmocka_run_group_tests(tests, make_directory, remove_directory);

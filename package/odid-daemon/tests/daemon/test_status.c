@@ -109,7 +109,7 @@ static void stable_names(void **state)
         "heartbeat speaks armed emergency simulated mav_type autopilot restarts takeoff_known "
         "takeoff_is_home takeoff_is_late fix_known vertical_inverted position_rate_hz "
         "refused_messages");
-    expect_fields(root, "configuration", "errors sentences");
+    expect_fields(root, "configuration", "errors fingerprint sentences");
     expect_fields(root, "schedule", "slots skipped slot_lateness_p99_us slot_lateness_max_us");
     expect_fields(root, "privilege", "realtime filter_logging");
     json_object_put(root);
@@ -157,7 +157,7 @@ static void values(void **state)
     expect_json("identity.classification",
                 "{\"type\":\"eu\",\"category\":\"specific\",\"class\":\"C4\",\"source\":null}");
     expect_json("problems", "[]");
-    expect_json("configuration", "{\"errors\":0,\"sentences\":[]}");
+    expect_json("configuration", "{\"errors\":0,\"fingerprint\":\"0123456789abcdef\",\"sentences\":[]}");
     expect_json("schedule", "{\"slots\":0,\"skipped\":0,\"slot_lateness_p99_us\":null,"
                             "\"slot_lateness_max_us\":null}");
 }
@@ -226,6 +226,7 @@ static void problems_and_sentences(void **state)
                 "{\"severity\":\"warning\",\"reason\":\"configuration: 1 value not "
                 "usable\",\"advice\":\"odidctl check FILE lists them, and what is used "
                 "instead.\"}]");
+    expect_json("configuration.fingerprint", "\"0123456789abcdef\"");
     expect_json("configuration.sentences",
                 "[\"odid.conf line 2: [mavlink] udp_port = \\\"0\\\": expected 1-65535\"]");
 }

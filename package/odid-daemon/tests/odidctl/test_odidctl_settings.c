@@ -2,6 +2,10 @@
 
 #include "odidctl_bench.h"
 
+#include <inttypes.h>
+
+#include "config/config.h"
+
 #define CONF "data/odid/odid.conf"
 #define BEGIN "; Kept.\n[wifi]\ncountry = NO ; and this\n\n[broadcast]\nbt5_enabled = off\n"
 #define ANSWER "{\"on_air\": true}"
@@ -268,6 +272,53 @@ static void it_is_applied_unless_armed(void **state)
     unlink("apply");
 }
 
+/* ---- what the daemon runs with ---- */
+
+static void ignore_sentence(void *context, enum config_severity severity, const char *sentence)
+{
+    (void)context;
+    (void)severity;
+    (void)sentence;
+}
+
+/* It has read that file. */
+static pid_t daemon_with(const char *conf)
+{
+    char status[100];
+    struct config config;
+
+    put("read.conf", conf);
+    config_defaults(&config);
+    config_read_file(&config, "read.conf", ignore_sentence, NULL);
+    snprintf(status, sizeof(status), "{\"configuration\": {\"fingerprint\": \"%016" PRIx64 "\"}}",
+             config_fingerprint(&config, 0));
+    return answer_with(status);
+}
+
+static void what_the_daemon_runs_with(void **state)
+{
+    pid_t daemon;
+
+    (void)state;
+    put(CONF, BEGIN);
+    assert_int_equal(CALL("in-force"), 1); /* nobody says so */
+    daemon = daemon_with(BEGIN);
+    assert_int_equal(CALL("in-force"), 0);
+    assert_int_equal(CALL("set", "wifi.channel", "11"), 0); /* hostapd's */
+    assert_int_equal(CALL("in-force"), 0);
+    assert_int_equal(CALL("set", "self_id.description", "Search"), 0);
+    assert_int_equal(CALL("in-force"), 1);
+    assert_int_equal(CALL("set", "self_id.description", ""), 0);
+    assert_int_equal(CALL("in-force"), 0);
+    put(CONF, BEGIN "[wifi]\nchanel = 11\n"); /* it has to say that */
+    assert_int_equal(CALL("in-force"), 1);
+    end(daemon);
+    put(CONF, BEGIN);
+    daemon = answer_with(ANSWER); /* an older one, which doesn't say */
+    assert_int_equal(CALL("in-force"), 1);
+    end(daemon);
+}
+
 /* ---- maintenance ---- */
 
 static void maintenance_on_and_off(void **state)
@@ -314,6 +365,7 @@ int main(void)
         TEST(the_operator_number_without_its_secret),
         TEST(the_password_becomes_a_key),
         TEST(it_is_applied_unless_armed),
+        TEST(what_the_daemon_runs_with),
         TEST(maintenance_on_and_off),
     };
 
