@@ -83,6 +83,12 @@ def test_a_program_that_needs_the_network_s_rights_has_these_and_no_others():
     ("socket.AF_PACKET", "SOCK_RAW", 0, 0), ("socket.AF_NETLINK", "SOCK_RAW", 16, 0),  # EAPOL; the radio, by nl80211
     ("socket.AF_NETLINK", "SOCK_RAW", 12, errno.EPERM),  # the firewall
     ("socket.AF_NETLINK", "SOCK_RAW", "ctypes.c_long(12 | 1 << 32)", errno.EPERM),
+    ("socket.AF_NETLINK", "SOCK_RAW", 15, errno.EPERM),  # mdev: devices, and so commands of root's
+    ("socket.AF_INET", "SOCK_DGRAM", 0, 0),  # questions about the interface
+    ("socket.AF_INET", "SOCK_RAW", 17, errno.EPERM),  # from any port, past the firewall
+    ("socket.AF_INET", "SOCK_RAW | socket.SOCK_CLOEXEC", 17, errno.EPERM),
+    ("socket.AF_INET", "SOCK_STREAM", 0, errno.EPERM),  # passed to the daemon, closing it held it up
+    ("socket.AF_INET6", "SOCK_DGRAM", 0, errno.EPERM),
     ("socket.AF_BLUETOOTH", "SOCK_RAW", 1, errno.EPERM)])
 def test_what_it_reaches_with_them(family, kind, protocol, error):
     assert tried(family, kind, protocol, AS_NOBODY) == error

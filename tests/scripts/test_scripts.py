@@ -356,12 +356,12 @@ def loaded(appliance):
 def test_the_ground_station_is_heard_by_its_own_way_only(appliance, address, drops):
     """A USB adapter's DHCP server took its network, and answers to its address were taken from there."""
     appliance.settings(ground_station__address=address)
-    rule = 'insert rule inet odid input ip saddr 10.0.0.9 iifname != { "lo", "eth0" } counter drop'
+    rule = 'insert rule inet odid input ip saddr 10.0.0.9 iif != "lo" iifname != "eth0" counter drop'
     rate = ('insert rule inet odid input iifname "eth0" ip saddr 10.0.0.9 meta l4proto udp limit rate over 60000 bytes/second '
             'burst 8 kbytes counter drop')
     rules = loaded(appliance)
     assert (rule in rules) == (rate in rules) == drops
-    assert 'insert rule inet odid input ip daddr 192.168.41.0/24 iifname != { "lo", "wlan0" } counter drop' in rules
+    assert 'insert rule inet odid input ip daddr 192.168.41.0/24 iif != "lo" iifname != "wlan0" counter drop' in rules
 
 
 def test_a_slow_port_is_not_filled_by_the_ground_station(appliance):
@@ -375,18 +375,21 @@ def test_a_cable_fills_nobody_s_table_of_neighbours(appliance):
     one, and whoever is answered; a limit for all interfaces together would drop what is asked at the others."""
     rules = loaded(appliance)
     limit = "limit rate over 50/second burst 20 packets } counter drop"
-    assert 'iifname != { "lo", "wlan0" } arp operation request update @asking { iifname ' + limit in rules
+    assert 'iif != "lo" iifname != "wlan0" arp operation request update @asking { iifname ' + limit in rules
     assert "update @answering { oifname " + limit in rules and not appliance.fault("arp")
     for answer in ("tcp sport { 22, 80 } tcp flags & (syn | rst) != 0x0", "udp sport 67", "meta l4proto icmp"):
         assert f"\t{answer} jump bounded\n" in rules
 
 
 def test_only_mavlink_router_speaks_to_another_program(appliance):
-    """Any process took its telemetry, and spoke as the daemon, by a datagram to its port."""
+    """Any process took its telemetry, and spoke as the daemon, by a datagram to its port; and hostapd from the daemon's own port at
+    another one of lo's addresses. By lo's number: its name can be another interface's."""
     rules = loaded(appliance)
-    assert 'output oifname "lo" meta l4proto udp udp sport != 14550 meta skuid != "mavlink" counter drop' in rules
-    assert "ct direction" not in rules and 'oifname "lo" meta l4proto udp notrack' in rules
-    assert 'add rule inet odid output meta skuid mavlink oifname != lo oifname != "eth0" counter drop' in rules
+    assert 'output oif "lo" meta l4proto udp udp sport != 14550 meta skuid != "mavlink" counter drop' in rules
+    assert 'output oif "lo" meta l4proto udp udp sport 14550 meta skuid != { "root", "odid" } counter drop' in rules
+    assert "ct direction" not in rules and 'oif "lo" meta l4proto udp notrack' in rules
+    assert 'add rule inet odid output meta skuid mavlink oif != lo oifname != "eth0" counter drop' in rules
+    assert not re.search(r'[io]ifname[^\n]*\blo\b', rules)
     assert "-u mavlink:" in appliance.read("etc/sv/mavlink-router/run")
 
 
@@ -417,15 +420,31 @@ def test_hostapd_reads_its_files_by_its_group_and_nobody_else_does(appliance):
 
 def test_hostapd_is_started_without_root_s_rights_and_only_it_and_the_daemon_s_group_are_in_its_folder(appliance):
     """Whoever had its control socket had it delete root's files: SET ctrl_interface, SET interface, TERMINATE."""
-    appliance.write("usr/bin/odid-confine", '#!/bin/sh\necho "$0 $*" >/began; ls /run/hostapd >>/began\n')
+    appliance.write("usr/bin/odid-confine", """#!/bin/sh
+echo "$0 $*" >/began
+{ ls /run/hostapd; stat -c '%u %g %a' /run/hostapd; ulimit -n; } >>/began
+grep '^hostapd /run/hostapd' /proc/mounts >/mounted
+""")
     appliance.write("usr/bin/iw", NOTES)
     for name in ("odid-confine", "iw"):
         (appliance.root / "usr/bin" / name).chmod(0o755)
     appliance.write("run/hostapd/wlan0", "a killed one's")
     appliance.must("mkdir -p /sys/class/net/wlan0 && cd /etc/sv/hostapd && ./run")
-    assert appliance.read("began").splitlines() == ["/usr/bin/odid-confine -u hostapd hostapd /run/hostapd.conf"]
-    folder = (appliance.root / "run/hostapd").stat()
-    assert (folder.st_uid, folder.st_gid, folder.st_mode & 0o777) == (USERS["hostapd"][0], NETDEV, 0o750)
+    assert appliance.read("began").splitlines() == [
+        "/usr/bin/odid-confine -u hostapd hostapd /run/hostapd.conf", f"{USERS['hostapd'][0]} {NETDEV} 750", "64"]
+    assert "\necho -900 >/proc/self/oom_score_adj\n" in appliance.read("etc/sv/hostapd/run"), "else its limit ends nobody"
+    # What it makes there, by the thousand or so deep that nobody can take it away, is none of the next one's or anybody else's.
+    (mounted,) = appliance.read("mounted").splitlines()
+    assert "size=64k" in mounted and "nr_inodes=16" in mounted and "noexec" in mounted
+    assert appliance.read("sys/fs/cgroup/hostapd/memory.max").strip() == str(24 << 20)
+
+
+def test_only_the_daemon_blocks_and_unblocks_radios(appliance):
+    """hostapd blocked Bluetooth again each time that the daemon had unblocked it."""
+    (rights,) = re.findall(r"^rfkill\s+(\S+ \S+)$", appliance.read("etc/mdev.conf"), re.M)
+    assert rights == "odid:netdev 640"
+    early = appliance.read("etc/init.d/S20devices")
+    assert "chown odid:netdev /dev/rfkill" in early and "chmod 640 /dev/rfkill" in early
 
 
 def test_hostapd_can_answer_root_and_nobody_else_is_among_the_answers(appliance):
@@ -1010,7 +1029,7 @@ def test_within_limits_the_broadcast_has_the_processor_first(limited):
     assert limited.read("sys/fs/cgroup/greedy/cpu.max") == "50000 100000\n"
 
 
-@pytest.mark.parametrize("group, weight", [("mavlink-router", 10000), ("swupdate", 1)])
+@pytest.mark.parametrize("group, weight", [("mavlink-router", 10000), ("hostapd", 10000), ("swupdate", 1)])
 def test_a_group_that_is_made_later_has_its_share_as_well(appliance, group, weight):
     """Of a processor that was busy mavlink-router, which owns the position, had a hundredth from its next start on."""
     own = f". /lib/odid/functions; own_group {group} 16 32"

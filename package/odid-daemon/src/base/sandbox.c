@@ -227,14 +227,13 @@ static const int never[] = {
     SCMP_SYS(setdomainname),
 };
 
-#define SOCKET_TYPE_MASK 0xf
-
 /* Of the internet's family datagrams only: raw ones, with CAP_NET_RAW, would read along what comes
  * to the page, its password among it, and get past the firewall. */
-static int add_internet(scmp_filter_ctx filter, uint32_t action, int type)
+static int allow_datagrams(scmp_filter_ctx filter)
 {
-    return seccomp_rule_add(filter, action, SCMP_SYS(socket), 2, SCMP_A0(SCMP_CMP_EQ, AF_INET),
-                            SCMP_A1(SCMP_CMP_MASKED_EQ, SOCKET_TYPE_MASK, (scmp_datum_t)type));
+    return seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(socket), 2,
+                            SCMP_A0(SCMP_CMP_EQ, AF_INET),
+                            SCMP_A1(SCMP_CMP_MASKED_EQ, SOCKET_TYPE_MASK, SOCK_DGRAM));
 }
 
 /* Netlink (with CAP_NET_ADMIN: the firewall) and packets among them. */
@@ -243,12 +242,7 @@ static int refuse_other_sockets(scmp_filter_ctx filter, uint32_t refuse)
     int result = socket_families_refuse(filter, refuse, socket_families,
                                         sizeof(socket_families) / sizeof(socket_families[0]));
 
-    for (int type = 0; result == 0 && type <= SOCKET_TYPE_MASK; type++) {
-        if (type != SOCK_DGRAM) {
-            result = add_internet(filter, refuse, type);
-        }
-    }
-    return result;
+    return result < 0 ? result : socket_families_datagrams_only(filter, refuse);
 }
 
 /* With an error, not by ending us: silence is worse than a call that fails. */
@@ -286,7 +280,7 @@ static int add_rules(scmp_filter_ctx filter)
     }
     for (size_t i = 0; i < sizeof(socket_families) / sizeof(socket_families[0]); i++) {
         result = socket_families[i] == AF_INET
-                     ? add_internet(filter, SCMP_ACT_ALLOW, SOCK_DGRAM)
+                     ? allow_datagrams(filter)
                      : seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(socket), 1,
                                         SCMP_A0(SCMP_CMP_EQ, (scmp_datum_t)socket_families[i]));
         if (result < 0) {

@@ -1,6 +1,7 @@
 #include "base/socket_families.h"
 
 #include <stdbool.h>
+#include <sys/socket.h>
 
 #define FAMILIES_MAX 64 /* more than Linux has */
 
@@ -25,6 +26,20 @@ int socket_families_refuse(scmp_filter_ctx filter, uint32_t refuse, const int *a
         if (!is_among(family, allowed, count)) {
             result = seccomp_rule_add(filter, refuse, SCMP_SYS(socket), 1,
                                       SCMP_A0(SCMP_CMP_EQ, (scmp_datum_t)family));
+        }
+    }
+    return result;
+}
+
+int socket_families_datagrams_only(scmp_filter_ctx filter, uint32_t refuse)
+{
+    int result = 0;
+
+    for (unsigned type = 0; result == 0 && type <= SOCKET_TYPE_MASK; type++) {
+        if (type != SOCK_DGRAM) {
+            result =
+                seccomp_rule_add(filter, refuse, SCMP_SYS(socket), 2, SCMP_A0(SCMP_CMP_EQ, AF_INET),
+                                 SCMP_A1(SCMP_CMP_MASKED_EQ, SOCKET_TYPE_MASK, type));
         }
     }
     return result;

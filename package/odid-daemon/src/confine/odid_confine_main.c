@@ -4,8 +4,9 @@
  * before the daemon's: without one on the air, who did it for a second would have silenced it.
  *
  * With -u the program is one that needs the network's rights, and no others of root's: as that
- * user it keeps CAP_NET_ADMIN and CAP_NET_RAW, and may make packet sockets as well. It starts no
- * other process, and so leaves none behind.
+ * user it keeps CAP_NET_ADMIN and CAP_NET_RAW. What it could do with these by a socket of any kind
+ * is more than a radio's program needs: it makes UNIX's, datagrams, packet sockets, and netlink's
+ * of two protocols. It starts no other process, and so leaves none behind.
  */
 #include <cap-ng.h>
 #include <errno.h>
@@ -24,23 +25,45 @@
 
 #define NOT_STARTED 127 /* as a shell says it */
 
-static const int families[] = {AF_UNIX, AF_INET, AF_INET6, AF_NETLINK,
-                               AF_PACKET /* with -u only */};
-#define FAMILIES (sizeof(families) / sizeof(families[0]))
+#define COUNT(array) (sizeof(array) / sizeof((array)[0]))
+
+static const int families[] = {AF_UNIX, AF_INET, AF_INET6, AF_NETLINK};
+static const int families_with_rights[] = {AF_UNIX, AF_INET, AF_NETLINK, AF_PACKET};
 
 static const int rights[] = {CAP_NET_ADMIN, CAP_NET_RAW};
-#define RIGHTS (sizeof(rights) / sizeof(rights[0]))
 
 /* ---- the filter ---- */
 
-/* With CAP_NET_ADMIN it would be the way to the firewall's rules. */
-static int refuse_firewall(scmp_filter_ctx filter, uint32_t refuse)
+/* With CAP_NET_ADMIN the others would be ways to the firewall's rules, and to mdev: whatever it is
+ * told of as a new device, root does. */
+static int refuse_netlink_but_interfaces_and_radio(scmp_filter_ctx filter, uint32_t refuse)
 {
     const uint64_t number = UINT32_MAX; /* what the kernel looks at */
+    int result = 0;
 
-    return seccomp_rule_add(filter, refuse, SCMP_SYS(socket), 2,
-                            SCMP_A0(SCMP_CMP_EQ, (scmp_datum_t)AF_NETLINK),
-                            SCMP_A2(SCMP_CMP_MASKED_EQ, number, (scmp_datum_t)NETLINK_NETFILTER));
+    for (scmp_datum_t protocol = 0; result == 0 && protocol < MAX_LINKS; protocol++) {
+        if (protocol != NETLINK_ROUTE && protocol != NETLINK_GENERIC) {
+            result = seccomp_rule_add(filter, refuse, SCMP_SYS(socket), 2,
+                                      SCMP_A0(SCMP_CMP_EQ, AF_NETLINK),
+                                      SCMP_A2(SCMP_CMP_MASKED_EQ, number, protocol));
+        }
+    }
+    return result;
+}
+
+static int refuse_sockets(scmp_filter_ctx filter, uint32_t refuse, bool has_rights)
+{
+    int result;
+
+    if (!has_rights) {
+        return socket_families_refuse(filter, refuse, families, COUNT(families));
+    }
+    result =
+        socket_families_refuse(filter, refuse, families_with_rights, COUNT(families_with_rights));
+    if (result == 0) {
+        result = socket_families_datagrams_only(filter, refuse);
+    }
+    return result < 0 ? result : refuse_netlink_but_interfaces_and_radio(filter, refuse);
 }
 
 /* With an error: a library that only tries goes on without. What makes sockets by another way isn't
@@ -50,12 +73,7 @@ static int add_refusals(scmp_filter_ctx filter, bool has_rights)
     const uint32_t refuse = SCMP_ACT_ERRNO(EPERM);
     int result = seccomp_rule_add(filter, refuse, SCMP_SYS(io_uring_setup), 0);
 
-    if (result == 0 && has_rights) {
-        result = refuse_firewall(filter, refuse);
-    }
-    return result < 0 ? result
-                      : socket_families_refuse(filter, refuse, families,
-                                               has_rights ? FAMILIES : FAMILIES - 1);
+    return result < 0 ? result : refuse_sockets(filter, refuse, has_rights);
 }
 
 /* Sets no_new_privs as well. */
@@ -88,7 +106,7 @@ static int become(const char *user)
         return -ENOENT;
     }
     capng_clear(CAPNG_SELECT_ALL);
-    for (size_t i = 0; i < RIGHTS; i++) {
+    for (size_t i = 0; i < COUNT(rights); i++) {
         if (capng_update(CAPNG_ADD, CAPNG_EFFECTIVE | CAPNG_PERMITTED | CAPNG_INHERITABLE,
                          (unsigned)rights[i]) < 0) {
             return -EPERM;
@@ -98,7 +116,7 @@ static int become(const char *user)
                         CAPNG_INIT_SUPP_GRP | CAPNG_CLEAR_BOUNDING | CAPNG_CLEAR_AMBIENT) < 0) {
         return -EPERM;
     }
-    for (size_t i = 0; i < RIGHTS; i++) {
+    for (size_t i = 0; i < COUNT(rights); i++) {
         if (prctl(PR_CAP_AMBIENT, PR_CAP_AMBIENT_RAISE, rights[i], 0, 0) < 0) {
             return -errno;
         }

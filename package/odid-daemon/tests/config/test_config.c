@@ -327,8 +327,7 @@ static void the_daemon_s_values_and_no_others(void **state)
         "[broadcast]\nbt5_enabled = false",
         "[daemon]\nuser = nobody",
         "[system]\noperator_latitude = 57.70890001\noperator_longitude = 1"};
-    static const char *const others[] = {
-                                         "[autopilot]\ndevice = /dev/ttyAMA3",
+    static const char *const others[] = {"[autopilot]\ndevice = /dev/ttyAMA3",
                                          "[ground_station]\naddress = 10.0.0.1",
                                          "[wifi]\nchannel = 11",
                                          "[maintenance]\nat_boot = yes",

@@ -157,7 +157,8 @@ static void values(void **state)
     expect_json("identity.classification",
                 "{\"type\":\"eu\",\"category\":\"specific\",\"class\":\"C4\",\"source\":null}");
     expect_json("problems", "[]");
-    expect_json("configuration", "{\"errors\":0,\"fingerprint\":\"0123456789abcdef\",\"sentences\":[]}");
+    expect_json("configuration",
+                "{\"errors\":0,\"fingerprint\":\"0123456789abcdef\",\"sentences\":[]}");
     expect_json("schedule", "{\"slots\":0,\"skipped\":0,\"slot_lateness_p99_us\":null,"
                             "\"slot_lateness_max_us\":null}");
 }
