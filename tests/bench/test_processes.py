@@ -12,7 +12,7 @@ from .machine import configuration
 
 STATUS, SECONDS = "/run/odid/status.sock", 12
 # User and group (board/common/users.txt): one that has no business there, and one whose questions are answered.
-NOBODY, ODID_WEB = "65534 65534", "991 990"
+NOBODY, ODID_WEB, HOSTAPD = "65534 65534", "991 990", "994:994"
 
 
 def flooded(who, may_connect, processes=4):
@@ -111,3 +111,21 @@ def test_who_has_hostapd_s_socket_deletes_no_file_of_root_s(make_machine):
     machine.wait_inside("its end", f"[ ! -e /proc/{before} ]")
     machine.must("[ -e /data/theirs/file ]")
     machine.wait_on_air()
+
+
+def test_nobody_but_mavlink_router_is_heard_by_the_daemon(make_machine):
+    """hostapd, taken over, was: from the daemon's own port at another address of lo's, and by a packet socket at lo."""
+    machine = make_machine("stranger-on-lo")
+    machine.power_on()
+    machine.wait_on_air()
+    machine.put("/tmp/speak", runs.tool("speak"))
+    # What CAP_NET_ADMIN can set for itself.
+    machine.must("cd /proc/sys/net/ipv4; echo 0 >ip_unprivileged_port_start; "
+                 "for one in all lo; do echo 1 >conf/$one/route_localnet; echo 1 >conf/$one/accept_local; echo 0 >conf/$one/rp_filter; done")
+    ways = f"/tmp/speak from {HOSTAPD} 14550; /tmp/speak packet 14550"
+    machine.run(ways)
+    time.sleep(1)
+    assert machine.status()["link"]["bytes_in"] == 0
+    machine.must("nft delete table inet odid")
+    machine.must(ways)
+    machine.wait_for("what comes without the filter", lambda: machine.status()["link"]["senders"] >= 2)

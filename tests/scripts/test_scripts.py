@@ -390,6 +390,8 @@ def test_only_mavlink_router_speaks_to_another_program(appliance):
     assert "ct direction" not in rules and 'oif "lo" meta l4proto udp notrack' in rules
     assert 'add rule inet odid output meta skuid mavlink oif != lo oifname != "eth0" counter drop' in rules
     assert not re.search(r'[io]ifname[^\n]*\blo\b', rules)
+    # And what a packet socket puts on lo has no way yet.
+    assert 'iif "lo" ip protocol udp rt ip nexthop >= 0.0.0.0 accept\n\t\tiif "lo" ip protocol udp counter drop\n' in rules
     assert "-u mavlink:" in appliance.read("etc/sv/mavlink-router/run")
 
 

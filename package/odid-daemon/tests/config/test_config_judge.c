@@ -125,20 +125,25 @@ static void judgements(void **state)
 
 /* ---- the sample ---- */
 
-static char sample[32768];
+static char sample[32768], page[65536];
 
-static bool read_sample(void)
+static bool read_text(const char *name, char *text, size_t size)
 {
-    FILE *file = fopen("odid.conf.example", "re");
+    FILE *file = fopen(name, "re");
     size_t length;
 
     if (file == NULL) {
         return false; /* not started in the package's folder */
     }
-    length = fread(sample, 1, sizeof(sample) - 1, file);
+    length = fread(text, 1, size - 1, file);
     fclose(file);
-    sample[length] = '\0';
+    text[length] = '\0';
     return true;
+}
+
+static bool read_sample(void)
+{
+    return read_text("odid.conf.example", sample, sizeof(sample));
 }
 
 /* As it is, it sets nothing. */
@@ -156,6 +161,69 @@ static void the_sample_is_right(void **state)
         snprintf(line, sizeof(line), "\n; %s = ", key->name);
         if (strstr(sample, line) == NULL) {
             fail_msg("[%s] %s is not in odid.conf.example", key->section, key->name);
+        }
+    }
+}
+
+/* But where it says that it is an example. */
+static void the_sample_shows_the_defaults(void **state)
+{
+    char section[40] = "", *next;
+    bool example = false;
+    unsigned shown = 0;
+
+    (void)state;
+    if (!read_sample()) {
+        skip();
+    }
+    for (char *line = sample; (next = strchr(line, '\n')) != NULL; line = next + 1) {
+        char text[300];
+
+        *next = '\0';
+        if (line[0] == '[') {
+            snprintf(section, sizeof(section), "%s", line);
+        } else if (line[0] == '#') {
+            example = example || strstr(line, "Example") != NULL;
+        } else if (line[0] == '\0') {
+            example = false;
+        } else if (!example) {
+            assert_memory_equal(line, "; ", 2);
+            snprintf(text, sizeof(text), "%s\n%s\n", section, line + 2);
+            expect(text, "");
+            expect_defaults();
+            shown++;
+        }
+    }
+    assert_true(shown >= 20);
+}
+
+/* Under its section's name; of the second identity as of the first. */
+static void the_page_of_the_manual_has_every_key(void **state)
+{
+    (void)state;
+    if (!read_text("man/odid.conf.5", page, sizeof(page))) {
+        skip();
+    }
+    for (const struct config_key *key = config_keys; key->section != NULL; key++) {
+        char head[48], *begin, *end, *item;
+        bool found = false;
+
+        snprintf(head, sizeof(head), "\n.Ss [%s]\n", key->section);
+        begin = strstr(page, head);
+        assert_non_null(begin);
+        end = strstr(begin + 1, "\n.Ss ");
+        for (item = strstr(begin, "\n.It Cm "); item != NULL && (end == NULL || item < end);
+             item = strstr(item + 1, "\n.It Cm ")) {
+            size_t length = strlen(key->name);
+
+            for (char *word = item; !found && (word = strchr(word, ' ')) != NULL &&
+                                    word < strchr(item + 1, '\n');
+                 word++) {
+                found = strncmp(word + 1, key->name, length) == 0 && strchr(" \n", word[1 + length]);
+            }
+        }
+        if (!found) {
+            fail_msg("[%s] %s is not in odid.conf(5)", key->section, key->name);
         }
     }
 }
@@ -182,7 +250,9 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(judgements),
         cmocka_unit_test(the_sample_is_right),
+        cmocka_unit_test(the_sample_shows_the_defaults),
         cmocka_unit_test(the_sample_with_everything_set),
+        cmocka_unit_test(the_page_of_the_manual_has_every_key),
     };
 
     return cmocka_run_group_tests(tests, make_directory, remove_directory);
