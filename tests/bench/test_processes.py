@@ -118,13 +118,16 @@ def test_nobody_but_mavlink_router_is_heard_by_the_daemon(make_machine):
     machine = make_machine("stranger-on-lo")
     machine.power_on()
     machine.wait_on_air()
+    machine.wait_inside("the filter", "[ -e /run/odid-appliance/firewall ]")
     machine.put("/tmp/speak", runs.tool("speak"))
     # What CAP_NET_ADMIN can set for itself.
     machine.must("cd /proc/sys/net/ipv4; echo 0 >ip_unprivileged_port_start; "
                  "for one in all lo; do echo 1 >conf/$one/route_localnet; echo 1 >conf/$one/accept_local; echo 0 >conf/$one/rp_filter; done")
     ways = f"/tmp/speak from {HOSTAPD} 14550; /tmp/speak packet 14550"
+    dropped = "nft list table inet odid | sed -n 's/.*counter packets \\([0-9]*\\) .* drop/\\1/p' | awk '{ all += $1 } END { print all }'"
+    before = int(machine.must(dropped))
     machine.run(ways)
-    time.sleep(1)
+    machine.wait_inside("both to be dropped", f"[ $({dropped}) -ge {before + 2} ]")
     assert machine.status()["link"]["bytes_in"] == 0
     machine.must("nft delete table inet odid")
     machine.must(ways)

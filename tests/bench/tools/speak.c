@@ -1,8 +1,10 @@
 /*
- * speak: sends a few octets to the daemon's port of this machine, where nobody but mavlink-router may speak.
+ * speak: sends a few octets to the daemon's port of this machine, where nobody but mavlink-router
+ * may speak.
  *
- *   speak from USER:GROUP PORT   from that port, at another one of lo's addresses, as that user (numbers)
- *   speak packet PORT            by a packet socket at lo, behind what filters what programs send
+ *   speak from USER:GROUP PORT   from that port, at another one of lo's addresses, as that user
+ * (numbers) speak packet PORT            by a packet socket at lo, behind what filters what
+ * programs send
  *
  * Its exit status is 0 where the kernel took them.
  */
@@ -23,8 +25,10 @@
 
 static int from(const char *who, unsigned short port)
 {
-    struct sockaddr_in mine = {.sin_family = AF_INET, .sin_port = htons(port), .sin_addr.s_addr = htonl(HERE + 1)};
-    struct sockaddr_in daemon = {.sin_family = AF_INET, .sin_port = htons(port), .sin_addr.s_addr = htonl(HERE)};
+    struct sockaddr_in mine = {
+        .sin_family = AF_INET, .sin_port = htons(port), .sin_addr.s_addr = htonl(HERE + 1)};
+    struct sockaddr_in daemon = {
+        .sin_family = AF_INET, .sin_port = htons(port), .sin_addr.s_addr = htonl(HERE)};
     unsigned user, group;
     int fd;
 
@@ -65,9 +69,13 @@ static int packet(unsigned short port)
                       .protocol = IPPROTO_UDP,
                       .saddr = htonl(HERE),
                       .daddr = htonl(HERE)},
-               .udp = {.source = htons(40000), .dest = htons(port), .len = htons(sizeof(frame) - sizeof(frame.ip))},
+               .udp = {.source = htons(40000),
+                       .dest = htons(port),
+                       .len = htons(sizeof(frame) - sizeof(frame.ip))},
                .said = SAID};
-    struct sockaddr_ll lo = {.sll_family = AF_PACKET, .sll_protocol = htons(ETH_P_IP), .sll_halen = ETH_ALEN,
+    struct sockaddr_ll lo = {.sll_family = AF_PACKET,
+                             .sll_protocol = htons(ETH_P_IP),
+                             .sll_halen = ETH_ALEN,
                              .sll_ifindex = (int)if_nametoindex("lo")};
     int fd = socket(AF_PACKET, SOCK_DGRAM, 0);
 
