@@ -365,6 +365,33 @@ def test_who_speaks_as_the_transmitter_by_the_autopilot_s_line_makes_that_one_un
         line.close()
 
 
+def processor_s(process):
+    """What it has taken so far."""
+    fields = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def test_who_speaks_as_everybody_makes_no_message_dearer(program, tmp_path):
+    """Who has been heard by an endpoint is asked for each message."""
+    line = Line(program, tmp_path, keys=(STATION_S, ""))
+
+    def cost_of(senders):
+        before = processor_s(line.process)
+        for some in zip(*[iter(senders)] * 32):
+            line.peers[0].sendto(b"".join(map(heartbeat, some)), address)
+            for octets in map(heartbeat, some):
+                assert line.peers[1].recv(2000) == octets
+        return processor_s(line.process) - before
+    try:
+        address = line.addresses()[0]
+        everybody = [(system, component) for system in range(2, 256, 2) for component in range(2, 236)]
+        by_one = cost_of([STATION] * len(everybody))
+        cost_of(everybody)
+        assert cost_of(everybody) < 2 * by_one
+    finally:
+        line.close()
+
+
 def test_a_peer_that_is_not_there_costs_nothing(line):
     line.peers[1].close()
     for _ in range(5):
