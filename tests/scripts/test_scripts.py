@@ -387,6 +387,7 @@ def test_only_mavlink_router_speaks_to_another_program(appliance):
     rules = loaded(appliance)
     assert 'output oif "lo" meta l4proto udp udp sport != 14550 meta skuid != "mavlink" counter drop' in rules
     assert 'output oif "lo" meta l4proto udp udp sport 14550 meta skuid != { "root", "odid" } counter drop' in rules
+    assert 'output oif "lo" meta l4proto udp ip saddr != 127.0.0.1 meta skuid != "mavlink" counter drop' in rules
     assert "ct direction" not in rules and 'oif "lo" meta l4proto udp notrack' in rules
     assert 'add rule inet odid output meta skuid mavlink oif != lo oifname != "eth0" counter drop' in rules
     assert not re.search(r'[io]ifname[^\n]*\blo\b', rules)

@@ -14,9 +14,10 @@
  * passed on whole; the filters hold for frames of any message, known or not; an endpoint by which a
  * system's component was heard is sent nothing of that one's any more. By our patches
  * (br2-external/patches/mavlink-router): nothing comes in of a message that isn't known, or with a
- * flag that isn't; of a frame for which the serial port had no room the rest goes out before
- * anything else. Not as it: what has a target goes out by all endpoints, checksums of known
- * messages aren't looked at, and known are those of the dialect common, there ardupilotmega's. */
+ * flag that isn't, nor from anybody but the peer that is configured; of a frame for which the
+ * serial port had no room the rest goes out before anything else. Not as it: what has a target goes
+ * out by all endpoints, checksums of known messages aren't looked at, and known are those of the
+ * dialect common, there ardupilotmega's. */
 
 #include <arpa/inet.h>
 #include <common/mavlink.h>
@@ -377,6 +378,12 @@ static void from_uart(void)
     memmove(buffer, buffer + taken, have);
 }
 
+static bool is_peer(const struct udp *udp, const struct sockaddr_in *sender)
+{
+    return sender->sin_addr.s_addr == udp->peer.sin_addr.s_addr &&
+           sender->sin_port == udp->peer.sin_port;
+}
+
 static void from_udp(struct udp *udp)
 {
     unsigned char data[BUFFER];
@@ -387,6 +394,8 @@ static void from_udp(struct udp *udp)
         return; /* ECONNREFUSED of an earlier datagram, or nothing after all */
     if (udp->server)
         udp->peer = sender;
+    else if (!is_peer(udp, &sender))
+        return;
     take(&udp->filter, data, (size_t)got);
 }
 

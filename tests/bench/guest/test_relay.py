@@ -365,6 +365,23 @@ def test_who_speaks_as_the_transmitter_by_the_autopilot_s_line_makes_that_one_un
         line.close()
 
 
+def test_who_isn_t_spoken_to_takes_nobody_s_place(program, tmp_path):
+    """Whoever sent something was sent all that comes from then on, and heard as the ground station."""
+    line = Line(program, tmp_path)
+    try:
+        address = line.addresses()[0]
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+            stranger.bind(("127.0.0.1", 0))
+            for elsewhere in ("127.0.0.1", "127.0.0.2"):
+                stranger.sendto(heartbeat(STATION, number=1), (elsewhere, address[1]))
+            os.write(line.master, heartbeat((9, 9), number=202))
+            drained(line.peers[0], heartbeat((9, 9), number=202))
+            line.peers[0].sendto(heartbeat(STATION, number=2), address)
+            assert arrived(line, heartbeat(STATION, number=2)) == b""
+    finally:
+        line.close()
+
+
 def processor_s(process):
     """What it has taken so far."""
     fields = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()
