@@ -23,6 +23,7 @@
 #include "update/update_installer.h"
 
 static char folder[] = "/tmp/odid-installer-XXXXXX";
+static pid_t child; /* 0: none */
 
 /* ---- a SWUpdate ---- */
 
@@ -131,7 +132,7 @@ static struct swupdate start(const char *history)
 
     assert_int_equal(socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends), 0);
     one.orders = ends[1];
-    one.pid = fork();
+    one.pid = child = fork();
     if (one.pid == 0) {
         close(ends[1]);
         serve(history, ends[0], listen_at(get_prog_socket()));
@@ -146,6 +147,7 @@ static void end(struct swupdate one)
 
     close(one.orders);
     assert_int_equal(waitpid(one.pid, &status, 0), one.pid);
+    child = 0;
     assert_int_equal(status, 0);
 }
 
@@ -341,9 +343,9 @@ static void it_is_ended_by_its_number_and_its_start(void **state)
 {
     char path[64];
     int status;
-    pid_t child = fork();
 
     (void)state;
+    child = fork();
     if (child == 0) {
         pause();
         _exit(0);
@@ -356,6 +358,7 @@ static void it_is_ended_by_its_number_and_its_start(void **state)
     note(path, child, 0);
     assert_int_equal(update_installer_end(path), 0);
     assert_int_equal(waitpid(child, &status, 0), child);
+    child = 0;
     assert_true(WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL);
     assert_int_equal(update_installer_end(path), -ESRCH);
     unlink(path);
@@ -369,6 +372,18 @@ static int make_folder(void **state)
     return mkdtemp(folder) == NULL ? -1 : setenv("TMPDIR", folder, 1);
 }
 
+/* After a test that failed: the next one would wait for an answer of what it left. */
+static int end_what_is_left(void **state)
+{
+    (void)state;
+    if (child > 0) {
+        kill(child, SIGKILL);
+        waitpid(child, NULL, 0);
+        child = 0;
+    }
+    return 0;
+}
+
 static int remove_folder(void **state)
 {
     (void)state;
@@ -380,11 +395,13 @@ static int remove_folder(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(history_is_news_unless_it_was_heard),
-        cmocka_unit_test(whose_it_was_is_told_before_its_end),
-        cmocka_unit_test(a_complaint_of_the_client_s_is_of_its_server_s_updates),
-        cmocka_unit_test(an_end_that_is_read_before_the_progress_said_after_it),
-        cmocka_unit_test(it_is_ended_by_its_number_and_its_start),
+        cmocka_unit_test_teardown(history_is_news_unless_it_was_heard, end_what_is_left),
+        cmocka_unit_test_teardown(whose_it_was_is_told_before_its_end, end_what_is_left),
+        cmocka_unit_test_teardown(a_complaint_of_the_client_s_is_of_its_server_s_updates,
+                                  end_what_is_left),
+        cmocka_unit_test_teardown(an_end_that_is_read_before_the_progress_said_after_it,
+                                  end_what_is_left),
+        cmocka_unit_test_teardown(it_is_ended_by_its_number_and_its_start, end_what_is_left),
     };
 
     return cmocka_run_group_tests(tests, make_folder, remove_folder);
