@@ -3,6 +3,7 @@ tells a server. Nothing is installed here: what it fetches is no bundle, and ref
 test_hawkbit.py.)"""
 
 import os
+import re
 import subprocess
 
 import pytest
@@ -161,3 +162,13 @@ def test_a_report_that_nobody_waits_for_closes_nothing_later(server, start, no_b
     server.offer(33, no_bundle, OFFERED)
     more_polls(server)
     assert server.outcome(33) is None and not server.executions("33") and not server.violations
+
+
+def test_whose_a_complaint_is_is_said(server, start, no_bundle, tmp_path):
+    """What the client complained of was held for the reason why a technician's bundle was refused."""
+    server.offer(36, no_bundle, OFFERED)
+    start()
+    wait_for("the report", lambda: server.outcome(36))
+    said = re.findall(r"SWUPDATE failed \[(\d)\] (?:ERROR : )?(.+)", (tmp_path / "log").read_text())
+    assert ("1", "Image invalid or corrupted. Not installing ...") in said  # SWUpdate itself
+    assert ("3", "No suitable .swu image found") in said

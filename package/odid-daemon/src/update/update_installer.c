@@ -19,6 +19,8 @@
 #define AGAIN_US 100000
 /* To a new listener SWUpdate first repeats, at once, what it said of its last install. */
 #define HISTORY_US 300000
+/* What a subprocess complains of has this error: br2-external/patches/swupdate. */
+#define OF_A_SUBPROCESS 3
 
 static struct {
     const struct update_installer_calls *calls;
@@ -174,13 +176,21 @@ static void read_all_progress(int64_t now_us)
     }
 }
 
-/* Its hawkBit client's, whose server doesn't answer or says what it can't use: nothing of an update
- * that isn't that server's. */
-static bool is_of_this_update(const char *complaint)
+/* Of its hawkBit client, whose server doesn't answer or says what it can't use. Debian's SWUpdate
+ * doesn't say which process complains; what its own says of the client's questions none does. */
+static bool is_of_the_client(const ipc_message *message)
+{
+    return message->data.notify.error == OF_A_SUBPROCESS ||
+           strstr(message->data.notify.msg, ": Channel ") != NULL ||
+           strstr(message->data.notify.msg, "update state") != NULL;
+}
+
+/* What its client complains of is nothing of an update that isn't that one's server's. */
+static bool is_of_this_update(const ipc_message *message)
 {
     /* The client asks SWUpdate all the time, and doesn't wait for each answer. */
-    return strstr(complaint, "on socket ctrl") == NULL &&
-           (self.source != UPDATE_SOURCE_OTHER || strstr(complaint, ": Channel ") == NULL);
+    return strstr(message->data.notify.msg, "on socket ctrl") == NULL &&
+           (self.source != UPDATE_SOURCE_OTHER || !is_of_the_client(message));
 }
 
 static void take_notice(const ipc_message *message, int64_t now_us)
@@ -197,7 +207,7 @@ static void take_notice(const ipc_message *message, int64_t now_us)
         break;
     case FAILURE:
         read_all_progress(now_us); /* whose it is it may have said there */
-        if (!is_of_this_update(message->data.notify.msg)) {
+        if (!is_of_this_update(message)) {
             break;
         }
         self.succeeded = false;

@@ -53,11 +53,14 @@ static void say(int fd, char letter)
                                  : letter == 'I' ? IDLE
                                  : letter == 'G' ? SUCCESS
                                                  : FAILURE;
+    message.data.notify.error = letter == 'J' ? 3 : 0;
     strcpy(message.data.notify.msg,
            letter == 'E' ? "ERROR : Error write on socket ctrl"
            : letter == 'C'
                ? "ERROR : Channel get operation failed (7): 'Could not connect to server'"
-               : "HASH mismatch");
+           : letter == 'J' ? "ERROR : Got malformed JSON: Could not find field 'id'."
+           : letter == 'U' ? "ERROR : Cannot read stored update state."
+                           : "HASH mismatch");
     if (write(fd, &message, sizeof(message)) != sizeof(message)) {
         _exit(1);
     }
@@ -91,8 +94,9 @@ static void tell_that_all_is_said(int orders)
 }
 
 /* history: a letter for each message: Start, Failure, Good, Idle, Error of the socket's,
- * the client's Channel, (server's, local one's) progress; a word for each time that somebody begins
- * to listen, who is sent away at its end, and dots in it where an order is awaited. */
+ * the client's Channel and JSON, Update state that it asked for, (server's, local one's) progress;
+ * a word for each time that somebody begins to listen, who is sent away at its end, and dots in it
+ * where an order is awaited. */
 static void serve(const char *history, int orders, int progress)
 {
     int control = listen_at(get_ctrl_socket());
@@ -278,16 +282,19 @@ static void a_complaint_of_the_client_s_is_of_its_server_s_updates(void **state)
     memset(&told, 0, sizeof(told));
     assert_int_equal(loop_init(), 0);
     update_installer_watch(&calls, true);
-    one = start("SlCFI");
+    one = start("SlCJUFI");
     expected.source = UPDATE_SOURCE_OTHER;
     expect_told(1, 1, "HASH mismatch");
     end(one);
-    one = start("SlGCI");
+    one = start("SlGCJUI");
     expect_told(2, 2, "");
     end(one);
     one = start("SsCFI");
     expected.source = UPDATE_SOURCE_SERVER;
     expect_told(3, 3, "ERROR : Channel get operation failed (7): 'Could not connect to server'");
+    end(one);
+    one = start("SsJFI");
+    expect_told(4, 4, "ERROR : Got malformed JSON: Could not find field 'id'.");
     end(one);
 }
 
