@@ -48,10 +48,11 @@ static struct {
     char running, other;  /* slots */
     char version[UPDATE_VERSION_SIZE];
     bool time_known;
-    bool beside;   /* a bundle came while another update isn't decided: the gate refuses it */
-    bool stopping; /* it was told to end */
-    bool ended;    /* SWUpdate was, by us */
-    bool passed;   /* the gate said yes to what is being installed */
+    bool beside;     /* a bundle came while another update isn't decided: the gate refuses it */
+    bool stopping;   /* it was told to end */
+    bool ended;      /* SWUpdate was, by us */
+    bool passed;     /* the gate said yes to what is being installed */
+    bool unattended; /* and nobody asked for that */
     enum update_source source;          /* of that */
     char refused[UPDATE_SENTENCE_SIZE]; /* why the gate refused this bundle, or "" */
     char reason[UPDATE_SENTENCE_SIZE];  /* why it was rolled back, until the restart; or "" */
@@ -157,12 +158,13 @@ static struct json_object *ask(struct update_board *board)
         json_object_object_get(json_object_object_get(status, "time"), "known");
     struct kept kept;
     bool ran = kept_read(RUN_DIR, &kept) == 0;
+    bool unattended = self.record.from_server || self.record.unattended;
 
     memset(board, 0, sizeof(*board));
     self.time_known = self.time_known || json_object_get_boolean(known);
     board->armed =
         armed_says(status) || update_armed(&self.update, ran ? &kept : NULL, status != NULL,
-                                           self.record.from_server, self.reason[0] != '\0');
+                                           unattended, self.reason[0] != '\0');
     return status;
 }
 
@@ -446,6 +448,7 @@ static void begin_record(void)
     memset(&self.record, 0, sizeof(self.record));
     self.record.slot = self.other;
     self.record.from_server = self.source == UPDATE_SOURCE_SERVER;
+    self.record.unattended = self.unattended;
     snprintf(self.record.from, sizeof(self.record.from), "%s", self.version);
     snprintf(self.record.to, sizeof(self.record.to), "%s", self.update.version);
     take_channels(status);
@@ -614,6 +617,7 @@ static void judge_offer(bool unattended, char answer[UPDATE_SENTENCE_SIZE])
     snprintf(self.refused, sizeof(self.refused), "%s", answer);
     if (answer[0] == '\0' && !self.beside) {
         self.passed = true;
+        self.unattended = unattended;
         show();
     }
 }
@@ -691,6 +695,7 @@ static void resume(bool first, int64_t now_us)
     bool recorded = update_read_record(DATA, &self.record) == 0;
     char fallback[128] = "";
 
+    self.record.unattended = self.record.unattended || !recorded; /* for all that is known */
     if (first) {
         kernel_word("odid.fallback=", fallback, sizeof(fallback));
     }

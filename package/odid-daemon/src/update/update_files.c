@@ -150,6 +150,7 @@ int update_write_record(const char *data, const struct update_record *record)
     add(object, "from", text(record->from));
     add(object, "to", text(record->to));
     add(object, "from_server", json_object_new_boolean(record->from_server));
+    add(object, "unattended", json_object_new_boolean(record->unattended));
     add(object, "channels", number(record->channels_known ? (int)record->channels : -1));
     for (unsigned i = 0; i < record->services.count; i++) {
         if (record->services.service[i].pid != 0) {
@@ -210,6 +211,7 @@ int update_read_record(const char *data, struct update_record *record)
     /* A version before this one didn't say whose it was. */
     from_server = json_object_object_get(object, "from_server");
     record->from_server = from_server == NULL || json_object_get_boolean(from_server);
+    record->unattended = json_object_get_boolean(json_object_object_get(object, "unattended"));
     channels = json_object_object_get(object, "channels");
     record->channels_known = channels != NULL;
     record->channels = (unsigned)json_object_get_int(channels);

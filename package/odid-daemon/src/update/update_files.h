@@ -25,6 +25,7 @@ struct update_record {
     char slot; /* 'a' or 'b': the new one */
     char from[UPDATE_VERSION_SIZE], to[UPDATE_VERSION_SIZE];
     bool from_server;                         /* hawkBit's: that one is told what becomes of it */
+    bool unattended;                          /* a stick's: nobody asked for it */
     bool channels_known;                      /* the daemon said something of them */
     unsigned channels;                        /* that were on the air, 1 << channel */
     struct update_services services;          /* that ran */

@@ -73,6 +73,7 @@ static struct {
     bool no_record;        /* nor is there room for that */
     bool armed, arms_while_flushing;
     bool silent;              /* the daemon never answered since power-on */
+    bool switched_off;        /* the autopilot, disarmed */
     const char *bt5;          /* its state; Bluetooth 4 is on the air */
     const char *wifi;         /* likewise; NULL: absent */
     char report;              /* to hawkBit's server */
@@ -207,7 +208,7 @@ int kept_read(const char *directory, struct kept *kept)
 {
     (void)directory;
     memset(kept, 0, sizeof(*kept));
-    kept->armed = board.armed ? KEPT_ARMED : KEPT_DISARMED;
+    kept->armed = board.armed ? KEPT_ARMED : board.switched_off ? KEPT_SILENT : KEPT_DISARMED;
     return board.silent ? -ENOENT : 0;
 }
 
@@ -245,17 +246,22 @@ static void slot_a_runs_1_0_0(void)
 }
 
 /* A bundle of 1.1.0 is given, passes the gate, and is written. */
-static void written_from(enum update_source source)
+static void given(enum update_source source, bool unattended)
 {
     put(DESCRIPTION, "version = \"1.1.0\";\nhardware-compatibility: [ \"odid-cm4\" ];\n"
                      "slot-octets = \"9\";\n");
     on_begins(now_us);
     on_source(source);
-    judge_offer(false, answer);
+    judge_offer(unattended, answer);
     assert_string_equal(answer, "");
     assert_string_equal(self.update.version, "1.1.0"); /* the one that was signed */
     on_progress(50, now_us);
     assert_int_equal(self.update.state, UPDATE_INSTALLING);
+}
+
+static void written_from(enum update_source source)
+{
+    given(source, false);
 }
 
 static void written(void)
@@ -320,6 +326,35 @@ static void what_is_written_is_started_when_disarmed(void **state)
     board.armed = false;
     pass(10);
     assert_true(board.restarts > 0);
+}
+
+/* Whose update it is also an odid-update knows that was started again; and where nobody could write
+ * it down, it is as if nobody were there. */
+static void nobody_restarts_an_aircraft_that_fell_silent(bool unattended, bool recorded, bool again)
+{
+    slot_a_runs_1_0_0();
+    board.no_record = !recorded;
+    given(UPDATE_SOURCE_OTHER, unattended);
+    mark();
+    on_ends("", now_us);
+    board.switched_off = true;
+    if (again) {
+        begin(false);
+    }
+    pass(60);
+    assert_int_equal(board.restarts > 0, !unattended && (recorded || !again));
+    board.switched_off = false;
+    pass(10);
+    assert_true(board.restarts > 0);
+}
+
+static void a_stick_s_update_is_not_started_on_an_old_disarmed(void **state)
+{
+    for (unsigned which = 0; which < 8; which++) {
+        setup(state);
+        nobody_restarts_an_aircraft_that_fell_silent((which & 1) != 0, (which & 2) != 0,
+                                                     (which & 4) != 0);
+    }
 }
 
 /* Else its server begins again at once; and not before it has been told. */
@@ -788,6 +823,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup(what_is_written_is_started_when_disarmed, setup),
+        cmocka_unit_test_setup(a_stick_s_update_is_not_started_on_an_old_disarmed, setup),
         cmocka_unit_test_setup(after_one_that_broke_off_hawkbit_is_left_alone, setup),
         cmocka_unit_test_setup(a_server_that_offers_garbage_is_left_alone, setup),
         cmocka_unit_test_setup(one_that_is_called_off_before_the_gate_is_not_begun_again, setup),

@@ -266,6 +266,7 @@ static void a_record_over_the_restart(void **state)
                                .from = "1.0.0",
                                .to = "1.2.0",
                                .from_server = true,
+                               .unattended = true,
                                .channels_known = true,
                                .channels = BT4 | WIFI},
                          out;
@@ -282,6 +283,7 @@ static void a_record_over_the_restart(void **state)
     assert_string_equal(out.from, "1.0.0");
     assert_string_equal(out.to, "1.2.0");
     assert_true(out.from_server);
+    assert_true(out.unattended);
     assert_true(out.channels_known);
     assert_int_equal(out.channels, BT4 | WIFI);
     assert_int_equal(out.services.count, 1);
@@ -302,6 +304,22 @@ static void a_record_over_the_restart(void **state)
     assert_int_equal(update_read_record(folder, &out), -EBADMSG);
     write_text("odid/trial.json", "\0");
     assert_int_equal(update_read_record(folder, &out), -EBADMSG);
+}
+
+/* Whose a stick's was it didn't say. */
+static void a_record_of_an_older_version(void **state)
+{
+    struct update_record out;
+
+    (void)state;
+    write_text("odid/trial.json", "{\"slot\": \"b\", \"from_server\": false}");
+    assert_int_equal(update_read_record(folder, &out), 0);
+    assert_false(out.from_server);
+    assert_false(out.unattended);
+    write_text("odid/trial.json", "{\"slot\": \"b\"}");
+    assert_int_equal(update_read_record(folder, &out), 0);
+    assert_true(out.from_server);
+    assert_false(out.unattended);
 }
 
 /* ---- complaints ---- */
@@ -343,6 +361,7 @@ int main(void)
         cmocka_unit_test(a_result),
         cmocka_unit_test(what_was_rolled_back_is_remembered_until_one_is_installed),
         cmocka_unit_test(a_record_over_the_restart),
+        cmocka_unit_test(a_record_of_an_older_version),
         cmocka_unit_test(what_swupdate_says_in_plain_words),
     };
 
