@@ -11,6 +11,7 @@
 #include <pwd.h>
 #include <seccomp.h>
 #include <signal.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -102,6 +103,7 @@ static int enter_filter(void)
         SCMP_SYS(execve), SCMP_SYS(execveat), SCMP_SYS(fork),   SCMP_SYS(vfork), SCMP_SYS(clone),
         SCMP_SYS(clone3), SCMP_SYS(ptrace),   SCMP_SYS(listen), SCMP_SYS(bind),
     };
+    const uint64_t number = UINT32_MAX; /* what the kernel looks at */
     scmp_filter_ctx filter = seccomp_init(SCMP_ACT_ALLOW);
     int result = filter == NULL ? -ENOMEM : 0;
 
@@ -115,7 +117,7 @@ static int enter_filter(void)
     }
     if (result == 0) { /* maintenance that ends ends this half, too */
         result = seccomp_rule_add(filter, SCMP_ACT_ERRNO(EPERM), SCMP_SYS(prctl), 1,
-                                  SCMP_A0(SCMP_CMP_EQ, PR_SET_PDEATHSIG));
+                                  SCMP_A0(SCMP_CMP_MASKED_EQ, number, PR_SET_PDEATHSIG));
     }
     if (result == 0) {
         result = seccomp_load(filter);
