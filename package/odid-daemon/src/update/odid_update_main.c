@@ -413,8 +413,8 @@ static bool undecided(void)
 
 static void on_begins(int64_t now_us)
 {
-    if (self.passed) {
-        return; /* it does one at a time: that isn't its word */
+    if (self.passed || self.update.state == UPDATE_CHECKING) {
+        return; /* it does one at a time: that isn't its word, or the one before wasn't */
     }
     self.beside = undecided();
     self.source = UPDATE_SOURCE_UNKNOWN;

@@ -413,6 +413,54 @@ static void a_server_that_offers_garbage_is_left_alone(void **state)
     assert_true(hawkbit.pause_us == 2 * PAUSE_US);
 }
 
+static void swupdate_ends(bool installing)
+{
+    if (installing) {
+        on_ends("SWUpdate ended", now_us);
+    }
+    on_lost(installing, now_us);
+}
+
+/* Anybody can, every 20 s: it was "checking" for ever. */
+static void one_that_is_begun_again_and_again_is_ended(void **state)
+{
+    (void)state;
+    slot_a_runs_1_0_0();
+    on_begins(now_us);
+    pass(20);
+    on_begins(now_us);
+    pass(9);
+    assert_int_equal(board.ended, 0);
+    pass(2);
+    assert_true(board.ended > 0);
+    on_begins(now_us); /* that it is called off stays said */
+    assert_non_null(self.update.stopped);
+    swupdate_ends(true);
+    assert_int_equal(self.update.state, UPDATE_IDLE);
+}
+
+static void one_that_comes_after_a_pretended_one_is_installed(void **state)
+{
+    (void)state;
+    slot_a_runs_1_0_0();
+    for (unsigned ended = 0; ended < 2; ended++) {
+        on_begins(now_us);
+        on_source(UPDATE_SOURCE_UNKNOWN);
+        pass(20);
+        if (ended) {
+            pass(20);
+            swupdate_ends(true);
+        }
+        written_from(UPDATE_SOURCE_SERVER);
+        assert_true(self.record.from_server);
+        mark();
+        on_ends("", now_us);
+        assert_int_equal(self.update.state, UPDATE_WAITING);
+        setup(state);
+        slot_a_runs_1_0_0();
+    }
+}
+
 static void one_that_is_called_off_before_the_gate_is_not_begun_again(void **state)
 {
     (void)state;
@@ -441,14 +489,6 @@ static void for_a_technician_s_file_no_server_is_left_alone(void **state)
     written();
     on_ends("HASH mismatch", now_us);
     assert_int_equal(access(HAWKBIT_PAUSE, F_OK), -1);
-}
-
-static void swupdate_ends(bool installing)
-{
-    if (installing) {
-        on_ends("SWUpdate ended", now_us);
-    }
-    on_lost(installing, now_us);
 }
 
 /* hawkBit is left alone, and who looks for the reason is told. */
@@ -826,6 +866,8 @@ int main(void)
         cmocka_unit_test_setup(a_stick_s_update_is_not_started_on_an_old_disarmed, setup),
         cmocka_unit_test_setup(after_one_that_broke_off_hawkbit_is_left_alone, setup),
         cmocka_unit_test_setup(a_server_that_offers_garbage_is_left_alone, setup),
+        cmocka_unit_test_setup(one_that_is_begun_again_and_again_is_ended, setup),
+        cmocka_unit_test_setup(one_that_comes_after_a_pretended_one_is_installed, setup),
         cmocka_unit_test_setup(one_that_is_called_off_before_the_gate_is_not_begun_again, setup),
         cmocka_unit_test_setup(for_a_technician_s_file_no_server_is_left_alone, setup),
         cmocka_unit_test_setup(a_server_that_ends_swupdate_is_left_alone, setup),
