@@ -54,7 +54,7 @@ void update_init(struct update *update, int64_t now_us)
     idle(update, now_us);
 }
 
-/* For the restart into a new slot. */
+/* For the restart. */
 static bool may_fly(const struct kept *kept, bool answered, bool unattended)
 {
     return !answered || kept->armed == KEPT_UNSAID || (kept->armed == KEPT_SILENT && unattended);
@@ -66,7 +66,8 @@ bool update_armed(const struct update *update, const struct kept *kept, bool ans
     if (kept != NULL && kept->armed == KEPT_ARMED) {
         return true;
     }
-    if (update->state == UPDATE_TRIAL || given_up) {
+    if (update->state == UPDATE_TRIAL ||
+        (given_up && (kept == NULL || kept->armed == KEPT_UNHEARD))) {
         return false;
     }
     return kept == NULL || (update->state == UPDATE_WAITING && may_fly(kept, answered, unattended));

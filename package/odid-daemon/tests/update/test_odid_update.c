@@ -74,6 +74,7 @@ static struct {
     bool armed, arms_while_flushing;
     bool silent;              /* the daemon never answered since power-on */
     bool switched_off;        /* the autopilot, disarmed */
+    bool died;                /* the daemon, after it had said so */
     const char *bt5;          /* its state; Bluetooth 4 is on the air */
     const char *wifi;         /* likewise; NULL: absent */
     char report;              /* to hawkBit's server */
@@ -192,7 +193,7 @@ struct json_object *model_fetch(const char *run_dir, int *error)
     char text[512];
 
     (void)run_dir, (void)error;
-    if (board.silent) {
+    if (board.silent || board.died) {
         return NULL;
     }
     snprintf(text, sizeof(text),
@@ -792,6 +793,26 @@ static void a_roll_back_goes_on_after_a_power_cut(void **state)
     }
 }
 
+/* Whether it is still disarmed nobody can say: it is given up, and started no more; but the board
+ * isn't restarted for it. */
+static void a_version_whose_daemon_dies_is_given_up_for_the_next_start(void **state)
+{
+    (void)state;
+    slot_b_is_on_trial();
+    pass(1);
+    board.died = true;
+    pass(120);
+    assert_int_equal(board.variables.slot, 'a');
+    assert_int_equal(board.variables.trial_failed, 'b');
+    assert_int_equal(board.restarts, 0);
+    begin(false);
+    pass(60);
+    assert_int_equal(board.restarts, 0);
+    board.died = false;
+    pass(10);
+    assert_true(board.restarts > 0);
+}
+
 /* Without a record it passed for one whose roll-back a power cut had broken off. */
 static void one_that_was_rolled_back_has_its_trial_when_it_is_given_again(void **state)
 {
@@ -883,6 +904,7 @@ int main(void)
         cmocka_unit_test_setup(a_server_is_told_of_its_own_updates_only, setup),
         cmocka_unit_test_setup(a_failed_trial_stays_failed_over_its_own_restart, setup),
         cmocka_unit_test_setup(a_roll_back_goes_on_after_a_power_cut, setup),
+        cmocka_unit_test_setup(a_version_whose_daemon_dies_is_given_up_for_the_next_start, setup),
         cmocka_unit_test_setup(one_that_was_rolled_back_has_its_trial_when_it_is_given_again,
                                setup),
         cmocka_unit_test_setup(what_was_called_off_is_not_started, setup),

@@ -201,17 +201,39 @@ static void who_does_not_answer_is_not_disarmed(void **state)
 
 static void a_slot_whose_daemon_never_answers_is_given_up(void **state)
 {
-    const struct kept yes = {.armed = KEPT_ARMED}, no = {.armed = KEPT_DISARMED};
+    const struct kept yes = {.armed = KEPT_ARMED}, unheard = {.armed = KEPT_UNHEARD};
+
+    (void)state;
+    for (int unattended = 0; unattended < 2; unattended++) {
+        update_try(&update, "1.5.0", now_us);
+        assert_false(update_armed(&update, NULL, false, unattended, false));
+        assert_false(update_armed(&update, &unheard, false, unattended, false));
+        assert_true(update_armed(&update, &yes, false, unattended, false));
+        update_rolled_back(&update, now_us); /* waits for the restart now */
+        assert_false(update_armed(&update, NULL, false, unattended, true));
+        assert_false(update_armed(&update, &unheard, false, unattended, true));
+        assert_true(update_armed(&update, &yes, false, unattended, true));
+    }
+}
+
+/* It is judged, and given up for the next start; but not restarted on an old word. */
+static void the_restart_out_of_a_failed_trial_waits_for_a_disarmed_as_well(void **state)
+{
+    const struct kept no = {.armed = KEPT_DISARMED}, silent = {.armed = KEPT_SILENT},
+                      unsaid = {.armed = KEPT_UNSAID};
 
     (void)state;
     update_try(&update, "1.5.0", now_us);
-    assert_false(update_armed(&update, NULL, false, false, false));
     assert_false(update_armed(&update, &no, false, false, false));
-    assert_true(update_armed(&update, &yes, false, false, false));
-    update_rolled_back(&update, now_us); /* waits for the restart now */
-    assert_false(update_armed(&update, NULL, false, false, true));
-    assert_false(update_armed(&update, &no, false, false, true));
-    assert_true(update_armed(&update, &yes, false, false, true));
+    assert_false(update_armed(&update, &unsaid, true, false, false));
+    assert_false(update_armed(&update, &silent, true, true, false));
+    update_rolled_back(&update, now_us);
+    assert_true(update_armed(&update, &no, false, false, true));
+    assert_true(update_armed(&update, &unsaid, true, false, true));
+    assert_true(update_armed(&update, &silent, true, true, true));
+    assert_true(update_armed(&update, &silent, false, false, true));
+    assert_false(update_armed(&update, &no, true, false, true));
+    assert_false(update_armed(&update, &silent, true, false, true));
 }
 
 static void the_restart_waits_until_disarmed(void **state)
@@ -355,6 +377,8 @@ int main(void)
         cmocka_unit_test_setup(it_can_be_called_off_until_it_is_written, begin),
         cmocka_unit_test_setup(who_does_not_answer_is_not_disarmed, begin),
         cmocka_unit_test_setup(a_slot_whose_daemon_never_answers_is_given_up, begin),
+        cmocka_unit_test_setup(the_restart_out_of_a_failed_trial_waits_for_a_disarmed_as_well,
+                               begin),
         cmocka_unit_test_setup(the_restart_waits_until_disarmed, begin),
         cmocka_unit_test_setup(a_slot_that_is_well_is_kept_after_20_s, begin),
         cmocka_unit_test_setup(twenty_seconds_in_one_piece, begin),
