@@ -1,11 +1,15 @@
 """The release's SWUpdate (its version, configuration and patches; built for this machine) as a client of hawkBit's: what it
 tells a server. Nothing is installed here: what it fetches is no bundle, and refused. (The booted appliance installs:
-test_hawkbit.py.)"""
+test_hawkbit.py.) And who keeps others from its socket, and how long."""
 
 import os
 import re
+import socket
+import struct
 import subprocess
+import time
 
+import patience
 import pytest
 
 from . import bundles, hawkbit
@@ -19,6 +23,7 @@ INSTALLED = "1"  # a new system is written, and hasn't started yet
 TESTING = "2"  # it runs and is kept, and the server hasn't been told
 FAILED = "3"  # it failed its trial, and the server hasn't been told
 OCTETS = 16_000
+LIMIT_S = 15  # for an answer by its socket, and for its end
 
 
 @pytest.fixture
@@ -38,7 +43,11 @@ def start(server, tmp_path):
     def end():
         for one in started:
             one.terminate()
-            one.wait()
+            try:
+                one.wait(LIMIT_S)
+            except subprocess.TimeoutExpired:  # its threads are cancelled, whatever they hold
+                one.kill()
+                one.wait()
         started.clear()
 
     def start(ustate=""):
@@ -172,3 +181,69 @@ def test_whose_a_complaint_is_is_said(server, start, no_bundle, tmp_path):
     said = re.findall(r"SWUPDATE failed \[(\d)\] (?:ERROR : )?(.+)", (tmp_path / "log").read_text())
     assert ("1", "Image invalid or corrupted. Not installing ...") in said  # SWUpdate itself
     assert ("3", "No suitable .swu image found") in said
+
+
+# --- its socket ---------------------------------------------------------------------
+
+# network_ipc.h, of a machine with 64 bits
+MESSAGE_OCTETS = 3120
+MAGIC, REQ_INSTALL, ACK, GET_STATUS, NOTIFY_STREAM = 0x14052001, 0, 1, 3, 11
+API_VERSION, SOURCE_LOCAL = 1, 4
+
+
+def connected(folder):
+    client = socket.socket(socket.AF_UNIX)
+    client.settimeout(LIMIT_S)
+    client.connect(str(folder / "sockinstctrl"))
+    return client
+
+
+def message(what, *data):
+    return struct.pack(f"=ii{len(data)}I", MAGIC, what, *data).ljust(MESSAGE_OCTETS, b"\0")
+
+
+def answer(client, what, *data):
+    """What it answers: the message's type."""
+    client.sendall(message(what, *data))
+    return struct.unpack("=ii", client.recv(MESSAGE_OCTETS, socket.MSG_WAITALL)[:8])[1]
+
+
+def anybody_else_is_answered(folder, promise_s):
+    began = time.monotonic()
+    with connected(folder) as client:
+        assert answer(client, GET_STATUS) == ACK
+    patience.promise("another one's answer", time.monotonic() - began, promise_s)
+
+
+@pytest.mark.parametrize("said", [b"", b"x"], ids=["nothing", "one_octet"])
+def test_one_that_connects_and_says_no_more_keeps_nobody_out(start, tmp_path, said):
+    """It waited for that one for ever: no update began any more, and nobody heard of one."""
+    start()
+    with connected(tmp_path) as client:
+        client.sendall(said)
+        anybody_else_is_answered(tmp_path, 3)
+        assert client.recv(1) == b""
+
+
+def test_one_that_wants_to_be_told_all_and_reads_nothing_keeps_nobody_out(start, tmp_path):
+    """As soon as its buffer was full."""
+    start()
+    with connected(tmp_path) as listener:
+        listener.sendall(message(NOTIFY_STREAM))
+        for _ in range(400):  # each is a word to those who listen
+            with connected(tmp_path) as client:
+                client.sendall(b"x")
+        anybody_else_is_answered(tmp_path, 10)
+
+
+def test_a_bundle_may_take_its_time(start, tmp_path):
+    """Whose request was there at once."""
+    start()
+    with connected(tmp_path) as client:
+        assert answer(client, REQ_INSTALL, API_VERSION, SOURCE_LOCAL) == ACK
+        client.settimeout(3)
+        with pytest.raises(TimeoutError):
+            client.recv(1)
+    # Ended in the middle of what it says of that, it may hang.
+    log = tmp_path / "log"
+    wait_for("the end of it", lambda: "Waiting for requests" in log.read_text().rpartition("Software Update started")[2])
