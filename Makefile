@@ -304,7 +304,8 @@ check: build/venv/stamp debian-tests
 	@$(RUN) tests/levels/check.py
 
 format: debian-tests
-	@clang-format -i $(wildcard $(DAEMON)/src/*/*.[ch] $(DAEMON)/tests/*.[ch] $(DAEMON)/tests/*/*.[ch] $(DAEMON)/fuzz/*.[ch])
+	@clang-format -i $(wildcard $(DAEMON)/src/*/*.[ch] $(DAEMON)/tests/*.[ch] $(DAEMON)/tests/*/*.[ch] $(DAEMON)/fuzz/*.[ch] \
+		$(DAEMON)/fuzz/*/*.[ch])
 
 .PHONY: clean
 clean:

@@ -35,7 +35,7 @@ def run(fuzzer: Path, seconds: int) -> tuple[junit.Case, str]:
         "-print_final_stats=1",
         f"-artifact_prefix={crashes}/",
     ]
-    dictionary = SOURCES / f"{name}.dict"
+    dictionary = fuzzer.with_name(f"{name}.dict")
     if dictionary.exists():
         command.append(f"-dict={dictionary}")
 
@@ -75,7 +75,7 @@ def main() -> int:
     parser.add_argument("--junit", type=Path, help="write the results there as well")
     options = parser.parse_args()
 
-    fuzzers = sorted(SOURCES.glob("fuzz_*.c"))
+    fuzzers = sorted(SOURCES.glob("*/fuzz_*.c"))
     cases = []
     with ThreadPoolExecutor(options.jobs) as pool:
         for case, figures in pool.map(lambda fuzzer: run(fuzzer, options.seconds), fuzzers):

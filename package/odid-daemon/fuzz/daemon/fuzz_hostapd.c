@@ -23,7 +23,7 @@
 #include "rounds.h"
 
 /* Its state must start afresh for each input, which the daemon never needs. */
-#include "../src/daemon/wifi_beacon.c"
+#include "../../src/daemon/wifi_beacon.c"
 
 #define SET_LENGTH (sizeof(SET_REQUEST) - 1)
 
