@@ -18,7 +18,7 @@ import threading
 import time
 from pathlib import Path
 
-from receiver.receptions import read_json_lines
+from judge.receptions import read_json_lines
 
 WAKE_EVERY_S, LATE_S = 0.01, 0.05
 PRIORITY = 30  # the models' is 10, the daemon's (in tests without an emulated machine) is 20

@@ -5,10 +5,10 @@ own sense, and another place or time (one that becomes unknown is no news). The 
 end yet when the window closes, counts with its length so far.
 """
 
-from receiver.findings import Findings
-from receiver.receptions import read_receptions
-from receiver.structure import check_structure
-from receiver.tracks import is_newer
+from judge.findings import Findings
+from judge.receptions import read_receptions
+from judge.structure import check_structure
+from judge.tracks import is_newer
 
 CHANNELS = ("bt4", "bt5", "wifi")
 

@@ -28,7 +28,7 @@ import quiet
 from host import parts
 from host.air import Air
 from host.controller import Rootcanal, free_ports
-from receiver.receptions import read_json_lines
+from judge.receptions import read_json_lines
 
 from . import disk as disks
 
@@ -461,7 +461,7 @@ class Machine:
     def judge(self, seconds, *arguments, out=None, show=False):
         """Starts the judge; seconds None: until it is told to stop. Its report goes to out."""
         out = out or self.folder / "judge"
-        words = parts.python("receiver", "--hci", f"tcp-client:127.0.0.1:{self.rootcanal.hci_port}",
+        words = parts.python("judge", "--hci", f"tcp-client:127.0.0.1:{self.rootcanal.hci_port}",
                              "--pcap", self.pcap, "--follow", "--set-log", self.set_log, "--out", out, *arguments)
         if seconds is not None:
             words += ["--seconds", seconds]

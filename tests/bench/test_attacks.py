@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import patience
 import pytest
 from host import parts
-from receiver.findings import Findings
-from receiver.receptions import read_receptions
-from receiver.structure import check_structure
+from judge.findings import Findings
+from judge.receptions import read_receptions
+from judge.structure import check_structure
 
 from . import faults, flights, gaps, runs
 from .attacker import ARMED, CRAFTED, DISARMED, ELSEWHERE_E7, HOST, Attacker, Speaker

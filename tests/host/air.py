@@ -1,6 +1,6 @@
 """What is on the air, for tests: a light scanner on rootcanal, and the beacons in a growing pcap.
 
-The judge (tests/receiver) decides what is right; this one only says what was heard and when. It
+The judge (tests/judge) decides what is right; this one only says what was heard and when. It
 keeps Service Data of Open Drone ID (Bluetooth) and its vendor element (Wi-Fi), undecoded.
 """
 

@@ -25,7 +25,7 @@ LEAD_S = 2.0  # positions flow before the judging begins
 STATUS_BEFORE_END_S = 3
 RESULTS = {
     "report.txt, report.png": "all that the listener measured, and when",
-    "receptions.jsonl": "each reception, to recompute it: python3 -m receiver --receptions (tests/receiver)",
+    "receptions.jsonl": "each reception, to recompute it: python3 -m judge --receptions (tests/judge)",
     "figures.json": "the figures, to compare one day with another",
     "status.txt": "what odidctl status said in flight",
 }

@@ -195,7 +195,7 @@ class Bench:
 
     def judge(self, seconds, *arguments, quiet=True, out=None, show=False):
         """Starts the judge; seconds None: until it is told to stop. Its report goes to out (default: the folder)."""
-        words = python("receiver", "--hci", f"tcp-client:127.0.0.1:{self.rootcanal.hci_port}",
+        words = python("judge", "--hci", f"tcp-client:127.0.0.1:{self.rootcanal.hci_port}",
                        "--set-log", self.set_log, "--out", out or self.folder, *arguments)
         if seconds is not None:
             words += ["--seconds", seconds]

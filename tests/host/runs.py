@@ -65,7 +65,7 @@ def fly(kept, flight, seconds, mode="full", load=None, realtime=True):
 def violations_without_time(folder, played):
     """Those of a run's receptions that don't depend on when they were heard: what other work is no excuse for."""
     out = folder / "without-time"
-    words = parts.python("receiver", "--receptions", folder / "receptions.jsonl", "--played", played, "--without-time",
+    words = parts.python("judge", "--receptions", folder / "receptions.jsonl", "--played", played, "--without-time",
                          "--out", out, "--quiet")
     result = subprocess.run([str(word) for word in words], env=parts.environment(), cwd=parts.ROOT,
                             capture_output=True, text=True)
@@ -117,7 +117,7 @@ def with_losses(folder, loss):
     """
     out, draws = fresh(folder.with_name(f"{folder.name}-loss")), []
     for seed in range(1, LOSS_DRAWS + 1):
-        words = parts.python("receiver", "--receptions", folder / "receptions.jsonl", "--loss", loss,
+        words = parts.python("judge", "--receptions", folder / "receptions.jsonl", "--loss", loss,
                              "--seed", seed, "--out", out / str(seed), "--quiet", "--expect", "bt4")
         result = subprocess.run([str(word) for word in words], env=parts.environment(), cwd=parts.ROOT,
                                 capture_output=True, text=True)

@@ -23,7 +23,7 @@ PERMITTED_FILES = {
     "steady.py": "figures beside the verdict",
     "summary.py": "figures beside the verdict",
     "levels": "figures beside the verdict",
-    "receiver": "the judge: its clock is the air's, and --without-time leaves it out",
+    "judge/__main__.py": "the judge: its clock is the air's, and --without-time leaves it out",
     "image": "the release image's: make test-image",
     **{f"host/{name}.py": "a model: its time is the air's, or the autopilot's" for name in (
         "front", "hostapd", "player", "field_study", "noise", "air")},
@@ -62,7 +62,7 @@ PERMITTED_SLEEPS = {
     "scripts/test_scripts.py::test_each_adapter_that_is_plugged_in_gets_an_address": "no other one may get any",
     "scripts/test_scripts.py::test_another_hawkbit_counts_when_no_update_is_going_on": "it must not be told again",
     "scripts/test_scripts.py::test_an_orphan_is_taken_over_and_a_stranger_with_its_number_is_not": "neither may end",
-    "test_receiver_sources.py::test_follow_a_growing_file": "half a record lies there",
+    "judge/test_sources.py::test_follow_a_growing_file": "half a record lies there",
     "update/test_air.py::test_the_broadcast_goes_on": "what is measured begins when it has settled",
     "update/test_armed.py::test_writing_stops": "nothing may be written; so long it is disarmed",
     "update/test_hawkbit.py::test_switched_off_and_on_by_the_technician": "nobody may ask",

@@ -35,7 +35,7 @@ from mutants.trial import SOURCE, Workshop, named
 FOLDER = parts.ROOT / "build/mutants"
 WORKSHOPS = 2
 CAUGHT_SHARE = 0.95
-JUDGES = ("simulated", "host", "receiver")
+JUDGES = ("simulated", "host", "judge")
 # identity: the same in each run; text: the file with it; why: it may survive.
 Change = namedtuple("Change", "identity name file text why")
 

@@ -1,7 +1,7 @@
 """The air: what receivers hear. Nothing is said twice here: what a radio repeats is made when somebody asks for it."""
 
-from receiver.carriers import Advertisement, Beacon
-from receiver.receptions import Reception, Run, from_advertisement, from_beacon
+from judge.carriers import Advertisement, Beacon
+from judge.receptions import Reception, Run, from_advertisement, from_beacon
 
 from .world import START_US
 

@@ -8,9 +8,9 @@ import os
 import subprocess
 
 from host import parts
-from receiver.conformance import Options, judge
-from receiver.flight_log import read_flight_log
-from receiver.set_log import add_payload
+from judge.conformance import Options, judge
+from judge.flight_log import read_flight_log
+from judge.set_log import add_payload
 
 from .air import Air
 from .autopilot import Autopilot

@@ -8,7 +8,7 @@ import math
 from bisect import bisect_left, bisect_right
 from itertools import chain, pairwise
 
-from receiver.findings import ABOUT_TIME
+from judge.findings import ABOUT_TIME
 
 from .faults import ALL
 from .flight import WARM_UP_S

@@ -5,8 +5,8 @@ from collections import namedtuple
 
 import pytest
 from host.flight import START_UNIX_S, write_flight
+from judge.messages import Location, SelfId, System
 from pymavlink.dialects.v20 import common
-from receiver.messages import Location, SelfId, System
 
 from .autopilots import climbs_downward, kind, operator_from_a_ground_station, second_receiver
 from .flight import Flight

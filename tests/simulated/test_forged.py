@@ -6,8 +6,8 @@ from itertools import pairwise
 import pytest
 from host.flight import BOOTED_MS, START_UNIX_S, write_flight
 from host.tlog import Decoder
+from judge.messages import System
 from pymavlink.dialects.v20 import common
-from receiver.messages import System
 
 from .autopilot import decoded
 from .flight import Flight

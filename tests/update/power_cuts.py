@@ -30,7 +30,7 @@ import time
 from bench import disk as disks
 from bench.machine import CHANNELS, Machine, configuration, missing
 from host import program
-from receiver.receptions import read_json_lines
+from judge.receptions import read_json_lines
 
 from . import bundles, figures, preload, writes
 from .appliance import Appliance, wait_for

@@ -2,5 +2,5 @@
 
 It shares no code with the transmitter: its decoder is written from the
 published layout (ASTM F3411 / ASD-STAN EN 4709-002, as the open references
-describe it).  ``python3 -m receiver --help`` says how to use it.
+describe it).  ``python3 -m judge --help`` says how to use it.
 """

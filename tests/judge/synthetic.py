@@ -9,8 +9,8 @@ import struct
 from dataclasses import dataclass
 from typing import Callable
 
-from receiver.carriers import Advertisement, Beacon
-from receiver.receptions import Run, from_advertisement, from_beacon
+from .carriers import Advertisement, Beacon
+from .receptions import Run, from_advertisement, from_beacon
 
 START_TIME = 1700000000.0  # the listener's wall clock
 START_MONO = 5000.0

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from receiver import messages as m
-from receiver.conformance import Options, judge
-from receiver.loss import Loss
-from receiver.sources import Ear, read_pcap
+from . import messages as m
+from .conformance import Options, judge
+from .loss import Loss
+from .sources import Ear, read_pcap
 
-DATA = Path(os.environ.get("TEST_DATA") or Path(__file__).parents[1] / "../shared/data")
+DATA = Path(os.environ.get("TEST_DATA") or Path(__file__).parents[2] / "../shared/data")
 
 
 def capture(name):
@@ -69,7 +69,7 @@ def test_a_real_flight_through_a_clean_transmitter_is_plausible():
     if not path.exists():
         pytest.skip(f"{path.name} isn't in the folder TEST_DATA ({DATA})")
     mavutil = pytest.importorskip("pymavlink.mavutil", reason="pymavlink isn't installed")
-    import receiver_synthetic as air
+    from . import synthetic as air
 
     connection, fixes, first = mavutil.mavlink_connection(str(path)), [], None
     while (message := connection.recv_match(type="GLOBAL_POSITION_INT")) is not None:

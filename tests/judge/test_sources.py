@@ -11,16 +11,16 @@ from pathlib import Path
 import patience
 import pytest
 
-import receiver_synthetic as air
-from receiver.__main__ import main
-from receiver.capture_files import open_btsnoop, open_capture
-from receiver.carriers import beacon_in_radiotap
-from receiver.flight_log import read_flight_log
-from receiver.loss import Loss, parse_loss
-from receiver.receptions import InputError, read_receptions, write_receptions
-from receiver.sources import Ear, read_btsnoop, read_pcap
+from . import synthetic as air
+from .__main__ import main
+from .capture_files import open_btsnoop, open_capture
+from .carriers import beacon_in_radiotap
+from .flight_log import read_flight_log
+from .loss import Loss, parse_loss
+from .receptions import InputError, read_receptions, write_receptions
+from .sources import Ear, read_btsnoop, read_pcap
 
-TESTS = Path(__file__).parent
+TESTS = Path(__file__).parent.parent
 BODY = air.pack([air.basic_id(), air.location(577000000, 119000000), air.self_id(), air.system(1.7e9),
                  air.operator_id()])
 ADDRESS_OCTETS = bytes.fromhex(air.ADDRESS.replace(":", ""))
@@ -209,7 +209,7 @@ def test_loss_is_seeded_and_has_the_share_and_bursts_asked_for():
 
 
 def receiver(*arguments, **environment):
-    return subprocess.run([sys.executable, "-m", "receiver", *map(str, arguments)], text=True, capture_output=True,
+    return subprocess.run([sys.executable, "-m", "judge", *map(str, arguments)], text=True, capture_output=True,
                           env={**os.environ, "PYTHONPATH": str(TESTS), **environment}, timeout=patience.LIMIT_S)
 
 
@@ -256,7 +256,7 @@ def test_follow_a_growing_file(tmp_path):
     with open(path, "wb", buffering=0) as file, open(log, "w") as said:
         file.write(pcap_header() + pcap_record(beacon_frame(99), time.time() - 60))  # before the run
         listener = subprocess.Popen(
-            [sys.executable, "-m", "receiver", "--pcap", path, "--follow", "--quiet", "--out", tmp_path / "out",
+            [sys.executable, "-m", "judge", "--pcap", path, "--follow", "--quiet", "--out", tmp_path / "out",
              "--expect-messages", "location"], text=True, stdout=subprocess.PIPE, stderr=said,
             env={**os.environ, "PYTHONPATH": str(TESTS)})
         patience.wait_for("the listener", lambda: "listening" in log.read_text())

@@ -53,7 +53,7 @@ def _limit(text: str) -> tuple[str, float]:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="receiver", description="Listens to Direct Remote ID and judges it.")
+    parser = argparse.ArgumentParser(prog="judge", description="Listens to Direct Remote ID and judges it.")
     add = parser.add_argument
     add("--hci", action="append", default=[], metavar="TRANSPORT",
         help="scan with an HCI controller, by Bumble's transport name (tcp-client:HOST:PORT, usb:0)")
@@ -144,7 +144,7 @@ async def _listen_live(ear: Ear, arguments, screen: Screen | None) -> None:
     try:
         await _wait_ready(tasks, events, stop)
         if not screen:
-            print("receiver: listening", file=sys.stderr, flush=True)
+            print("judge: listening", file=sys.stderr, flush=True)
         start = time.monotonic()
         end = start + arguments.seconds if arguments.seconds is not None else None
         ear.saw(start)
@@ -214,7 +214,7 @@ def main(argv: list[str] | None = None) -> int:
         log = read_flight_log(arguments.played) if arguments.played else None
         set_log = read_set_log(arguments.set_log) if arguments.set_log else None
     except InputError as error:
-        print(f"receiver: {error}", file=sys.stderr)
+        print(f"judge: {error}", file=sys.stderr)
         return 2
     align_clocks(run, log.clock_offset_s if log else None)
     options = Options(

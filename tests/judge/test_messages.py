@@ -2,9 +2,9 @@
 
 import pytest
 
-from receiver import messages as m
-from receiver.carriers import remote_id_in_advertising, remote_id_in_elements
-from receiver.identifiers import operator_problem, serial_problem
+from . import messages as m
+from .carriers import remote_id_in_advertising, remote_id_in_elements
+from .identifiers import operator_problem, serial_problem
 
 # Location: airborne, height above ground, direction 180+45, 10 m/s, -2.5 m/s (down),
 # 57.7089 N 11.9746 E, pressure altitude unknown, 86 m geodetic, 40.5 m, accuracies

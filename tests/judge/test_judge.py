@@ -4,12 +4,12 @@ import json
 
 import pytest
 
-import receiver_synthetic as air
-from receiver.conformance import Options, judge
-from receiver.flight_log import read_flight_log
-from receiver.report import complete_figures, report_text
-from receiver.set_log import read_set_log
-from receiver_synthetic import Faults, encode_fix, pack, transmit
+from . import synthetic as air
+from .conformance import Options, judge
+from .flight_log import read_flight_log
+from .report import complete_figures, report_text
+from .set_log import read_set_log
+from .synthetic import Faults, encode_fix, pack, transmit
 
 ALL = ("bt4", "bt5", "wifi")
 

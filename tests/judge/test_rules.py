@@ -1,18 +1,18 @@
-"""One by one, the rules that no faulty transmitter of test_receiver_judge.py breaks."""
+"""One by one, the rules that no faulty transmitter of test_judge.py breaks."""
 
 import json
 
 import pytest
 
-import receiver_synthetic as air
-from receiver import messages as m
-from receiver.conformance import Options, judge
-from receiver.findings import LISTED_OF_A_KIND, Findings
-from receiver.flight_log import read_flight_log
-from receiver.ranges import check_ranges
-from receiver.receptions import Reception
-from receiver.structure import check_structure
-from receiver_synthetic import Faults, encode_fix, transmit
+from . import synthetic as air
+from . import messages as m
+from .conformance import Options, judge
+from .findings import LISTED_OF_A_KIND, Findings
+from .flight_log import read_flight_log
+from .ranges import check_ranges
+from .receptions import Reception
+from .structure import check_structure
+from .synthetic import Faults, encode_fix, transmit
 
 
 def changed(message: bytes, at: int, *octets: int) -> bytes:

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import patience
 import pytest
-
-import receiver_synthetic as air
 from host.air import Air
 from host.controller import Rootcanal
 
-TESTS = Path(__file__).parent
+from . import synthetic as air
+
+TESTS = Path(__file__).parent.parent
 
 
 class Controller:
@@ -58,7 +58,7 @@ def start_judge(model, tmp_path, *arguments):
     """Starts it, and waits until it listens. Its process, and what it says on standard error."""
     log = tmp_path / "judge.log"
     with open(log, "w") as said:
-        judge = subprocess.Popen([sys.executable, "-m", "receiver", "--hci", f"tcp-client:127.0.0.1:{model.hci_port}",
+        judge = subprocess.Popen([sys.executable, "-m", "judge", "--hci", f"tcp-client:127.0.0.1:{model.hci_port}",
                                   "--quiet", *arguments], env={**os.environ, "PYTHONPATH": str(TESTS)},
                                  stdout=subprocess.PIPE, stderr=said, text=True)
     patience.wait_for("the judge to listen", lambda: "listening" in log.read_text())
