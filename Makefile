@@ -182,10 +182,10 @@ demo: appliance
 	@$(RUN) tests/bench/demo.py
 
 demo-host: daemon
-	@$(RUN) tests/host/demo.py
+	@$(RUN) tests/daemon/demo.py
 
 bench: daemon debian-tests
-	@$(RUN) tests/host/bench.py
+	@$(RUN) tests/measure/bench.py
 
 soak: appliance
 	@$(RUN) tests/bench/soak.py
@@ -252,7 +252,7 @@ level-system: appliance
 
 COMMAND = $(RUN) tests/levels/command.py build/test/$(1).xml $(RUN)
 level-bench: daemon
-	$(LEVEL) bench $(call COMMAND,bench) tests/host/bench.py
+	$(LEVEL) bench $(call COMMAND,bench) tests/measure/bench.py
 
 level-soak: appliance
 	$(LEVEL) soak env SECONDS=600 $(call COMMAND,soak) tests/bench/soak.py

@@ -6,7 +6,10 @@ takes minutes. `make test` selects none of them (tests/smoke boots for it); what
 """
 
 import os
+import shutil
+import tempfile
 import time
+from pathlib import Path
 
 import patience
 import pytest
@@ -41,6 +44,15 @@ def emulation_possible():
 @pytest.fixture(scope="session")
 def machine_possible(emulation_possible):
     """Asked for by every fixture that boots the appliance."""
+
+
+@pytest.fixture
+def short_folder():
+    """A folder of the test's own whose path fits a UNIX socket's 108 octets, open to every user."""
+    folder = Path(tempfile.mkdtemp(prefix="odid-"))
+    folder.chmod(0o755)
+    yield folder
+    shutil.rmtree(folder)
 
 
 # --- real time ---------------------------------------------------------------------

@@ -13,7 +13,9 @@ import subprocess
 import sys
 import time
 
-from host import measure, parts, program
+import parts
+import program
+from measure import costs
 
 FOLDER = parts.ROOT / "build/steady"
 COUNTED = re.compile(r"^(\d+) passed, (\d+) failed, (\d+) skipped$", re.M)
@@ -61,7 +63,7 @@ def main():
     title = f"{commit}, {time.strftime('%Y-%m-%d', time.gmtime())}, {f'beside {stress} processes of stress' if stress else 'alone'}"
     print(f"steady: {count} times make test: {title}", flush=True)
     lines, passed = [], 0
-    load = measure.Load(f"--cpu {stress}" if stress else None, 0)  # until it is told to stop
+    load = costs.Load(f"--cpu {stress}" if stress else None, 0)  # until it is told to stop
     try:
         for run in range(1, count + 1):
             good, seconds, said = once(f"{'stress-' if stress else ''}{run}", commit)

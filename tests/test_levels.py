@@ -4,10 +4,11 @@ import subprocess
 import sys
 from xml.etree import ElementTree
 
+import parts
+import program
 import pytest
 import summary
-from host import parts, program
-from host.bench import Table
+from measure.bench import Table
 
 COMMAND = parts.ROOT / "tests/levels/command.py"
 

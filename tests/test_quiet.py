@@ -10,7 +10,7 @@ import time
 import patience
 import pytest
 import quiet
-from host import realtime
+from models import realtime
 
 
 def lines(path, *records):

@@ -5,8 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import parts
 import pytest
-from host import parts
 
 CHECK = Path(__file__).parent / "levels/rooms.py"
 DAEMON = parts.ROOT / "package/odid-daemon"

@@ -3,8 +3,8 @@ another one shows in its figures. What they are made of: README.md."""
 
 import time
 
+import parts
 import pytest
-from host import parts
 
 from . import flights, runs
 from .machine import Machine, configuration

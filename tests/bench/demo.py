@@ -14,10 +14,10 @@ if __package__ is None:
     sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 import patience
+import program
 from bench import limits
 from bench.machine import CHANNELS, KERNEL_S, Machine, missing
-from host import demo as host_demo
-from host import program
+from daemon import demo as host_demo
 
 FOLDER = host_demo.FOLDER
 LEAD_S = 1.0  # positions flow before the judging begins, and the aircraft hasn't taken off

@@ -7,7 +7,7 @@ import tempfile
 from contextlib import contextmanager
 from pathlib import Path
 
-from host import parts
+import parts
 
 APPLIANCE = parts.ROOT / "build/appliance"
 IMAGE = Path(os.environ.get("IMAGE") or APPLIANCE / "disk.img")

@@ -4,8 +4,8 @@ makes of one."""
 import os
 import struct
 
-from host import tlog
-from host.flight import write_flight
+from models import tlog
+from models.flight import write_flight
 
 os.environ.setdefault("MAVLINK20", "1")
 WITH_BOOT_TIME = ("GLOBAL_POSITION_INT", "SYSTEM_TIME")

@@ -23,12 +23,12 @@ import time
 from collections import namedtuple
 from pathlib import Path
 
+import parts
 import patience
 import quiet
-from host import parts
-from host.air import Air
-from host.controller import Rootcanal, free_ports
 from judge.receptions import read_json_lines
+from models.air import Air
+from models.controller import Rootcanal, free_ports
 
 from . import disk as disks
 
@@ -192,7 +192,7 @@ class Machine:
         try:
             self.air = Air(self.rootcanal.hci_port, self.pcap)
             self.front = self._add(parts.Part(
-                parts.python("host.front", "--listen", self.front_port, "--hci-port", self.rootcanal.hci_port,
+                parts.python("models.front", "--listen", self.front_port, "--hci-port", self.rootcanal.hci_port,
                              "--set-log", self.set_log), self.folder / "front.log", orders=True, raised=True))
             if self.front.process.stdout.readline().strip() != "done":
                 raise RuntimeError(f"the controller model didn't start: {self.front.log()}")
@@ -416,7 +416,7 @@ class Machine:
                  "--answers", self.folder / "answers.jsonl"]
         if seconds:
             words += ["--seconds", seconds]
-        self.player = parts.Part(parts.python("host.player", *words), self.folder / "player.log", orders=True,
+        self.player = parts.Part(parts.python("models.player", *words), self.folder / "player.log", orders=True,
                                  raised=True)
 
     def unplug(self):

@@ -4,7 +4,7 @@ import http.client
 import json
 
 import patience
-from host.controller import free_ports
+from models.controller import free_ports
 
 
 class Page:

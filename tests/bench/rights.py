@@ -5,7 +5,7 @@ import time
 from collections import namedtuple
 from fnmatch import fnmatchcase
 
-from host import parts
+import parts
 
 from .runs import tool
 

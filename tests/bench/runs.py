@@ -8,7 +8,7 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from host import parts
+import parts
 
 from . import faults, flights
 from .gaps import Contents
@@ -51,7 +51,7 @@ def tool(name="fault"):
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder, name)
         subprocess.run(["aarch64-linux-gnu-gcc", "-static", "-Os", "-s", "-Wall", "-Wextra", "-Werror", "-std=gnu11",
-                        "-o", out, parts.HERE.parent / f"bench/tools/{name}.c"], check=True)
+                        "-o", out, parts.HERE / f"bench/tools/{name}.c"], check=True)
         return out.read_bytes()
 
 

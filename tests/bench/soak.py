@@ -22,10 +22,11 @@ from pathlib import Path
 if __package__ is None:
     sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
+import parts
+import program
 from bench import flights, limits
 from bench.machine import CHANNELS, Machine, missing
-from host import parts, program
-from host.runs import violations_without_time
+from measure.runs import violations_without_time
 
 FOLDER = parts.ROOT / "build/soak"
 DEFAULT_S = 1800

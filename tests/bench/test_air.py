@@ -6,9 +6,9 @@ import struct
 import time
 from pathlib import Path
 
+import parts
 import pytest
-from host import parts
-from host.air import FIXED_FIELDS, VENDOR_ELEMENT
+from models.air import FIXED_FIELDS, VENDOR_ELEMENT
 
 from . import faults, limits, runs
 from .machine import CHANNELS

@@ -4,9 +4,9 @@ a process of its own board. What a receiver hears meanwhile is judged from the a
 import time
 from dataclasses import dataclass
 
+import parts
 import patience
 import pytest
-from host import parts
 from judge.findings import Findings
 from judge.receptions import read_receptions
 from judge.structure import check_structure

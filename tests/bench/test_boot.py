@@ -3,8 +3,8 @@
 import json
 import time
 
+import parts
 import pytest
-from host import parts
 
 from . import boot_chart, flights, gaps, limits
 from .machine import CHANNELS

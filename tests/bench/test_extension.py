@@ -3,8 +3,8 @@ touched, and the service keeps its limits."""
 
 import json
 
+import parts
 import pytest
-from host import parts
 
 from . import limits
 from .machine import CHANNELS

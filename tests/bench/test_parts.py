@@ -10,9 +10,10 @@ import struct
 import threading
 import time
 
+import parts
 import pytest
-from host import parts, tlog
-from host.flight import write_flight
+from models import tlog
+from models.flight import write_flight
 
 from . import flights, gaps, rights, runs, soak
 from .machine import Shell, configuration

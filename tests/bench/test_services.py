@@ -10,8 +10,7 @@ import time
 
 import patience
 import pytest
-
-from host.parts import free_udp_port
+from parts import free_udp_port
 
 from . import flights
 from .test_air import BEACON, frames, pack

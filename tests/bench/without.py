@@ -7,9 +7,9 @@ from pathlib import Path
 if __package__ is None:
     sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
+import program
 from bench import faults, runs
 from bench.machine import missing
-from host import program
 
 
 def main():

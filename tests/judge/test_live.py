@@ -11,8 +11,8 @@ from pathlib import Path
 
 import patience
 import pytest
-from host.air import Air
-from host.controller import Rootcanal
+from models.air import Air
+from models.controller import Rootcanal
 
 from . import synthetic as air
 

@@ -25,9 +25,10 @@ PERMITTED_FILES = {
     "levels": "figures beside the verdict",
     "judge/__main__.py": "the judge: its clock is the air's, and --without-time leaves it out",
     "image": "the release image's: make test-image",
-    **{f"host/{name}.py": "a model: its time is the air's, or the autopilot's" for name in (
+    **{f"models/{name}.py": "a model: its time is the air's, or the autopilot's" for name in (
         "front", "hostapd", "player", "field_study", "noise", "air")},
-    **{f"host/{name}.py": "measures: make bench, make demo-host" for name in ("bench", "runs", "measure", "demo")},
+    **{f"measure/{name}.py": "measures: make bench" for name in ("bench", "runs", "costs")},
+    "daemon/demo.py": "measures: make demo-host",
     **{f"bench/{name}.py": "measures: make demo, make soak, make test-all" for name in (
         "demo", "soak", "runs", "faults", "boot_chart", "without", "tap")},
     "bench/image/__main__.py": "builds, and says how long it took",
@@ -56,9 +57,9 @@ PERMITTED_SLEEPS = {
     "bench/test_services.py::test_a_board_without_radios_boots_and_says_so": "nothing may end, nor be on the air",
     "bench/test_services.py::test_a_daemon_that_never_comes_back_is_taken_off_the_air": "nothing may be heard",
     "bench/guest/test_relay.py::test_a_peer_that_is_not_there_costs_nothing": "it must not end",
-    "host/test_flight_record.py::test_a_flight_with_a_killed_daemon_a_lost_hostapd_and_a_killed_recorder":
+    "daemon/test_flight_record.py::test_a_flight_with_a_killed_daemon_a_lost_hostapd_and_a_killed_recorder":
         "so long a flight goes on, and so long something is away",
-    "host/test_models.py::test_an_element_is_in_the_beacons_from_the_update_on": "it must not be in them",
+    "models/test_models.py::test_an_element_is_in_the_beacons_from_the_update_on": "it must not be in them",
     "scripts/test_scripts.py::test_each_adapter_that_is_plugged_in_gets_an_address": "no other one may get any",
     "scripts/test_scripts.py::test_another_hawkbit_counts_when_no_update_is_going_on": "it must not be told again",
     "scripts/test_scripts.py::test_an_orphan_is_taken_over_and_a_stranger_with_its_number_is_not": "neither may end",

@@ -15,8 +15,8 @@ from pathlib import Path
 if __package__ is None:
     sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from host import program
-from host.flight import write_flight
+import program
+from models.flight import write_flight
 from mutants.named import NAMED, Mutant
 from mutants.run import FOLDER, put_in
 from mutants.trial import Workshop

@@ -6,7 +6,7 @@ many changes of one operator, number, condition or call, anywhere in what odid-d
   RANDOM=<n> SEED=<n>    how many, and which (1)
   ONLY=<text>            of the named ones those with that in their name; of the random ones those of that file
 
-Each is built in a copy and put to the unit tests, the simulated flights and the host tests until one of them fails. What was
+Each is built in a copy and put to the unit tests, the simulated flights and tests/daemon until one of them fails. What was
 seen is kept in build/mutants, so a run that was broken off goes on, and only what survived is tried again. A survivor that
 changes nothing anybody can see is named with its reason in survivors.py, and doesn't count.
 """
@@ -26,7 +26,8 @@ from pathlib import Path
 if __package__ is None:
     sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from host import parts, program
+import parts
+import program
 from mutants.named import NAMED
 from mutants.places import places
 from mutants.survivors import reason
@@ -35,7 +36,7 @@ from mutants.trial import SOURCE, Workshop, named
 FOLDER = parts.ROOT / "build/mutants"
 WORKSHOPS = 2
 CAUGHT_SHARE = 0.95
-JUDGES = ("simulated", "host", "judge")
+JUDGES = ("simulated", "daemon", "models", "judge")
 # identity: the same in each run; text: the file with it; why: it may survive.
 Change = namedtuple("Change", "identity name file text why")
 
@@ -54,7 +55,8 @@ def judged():
     """A hash of the sources and of what judges them: a verdict holds for these."""
     seen = hashlib.sha256()
     folders = (SOURCE / "src", SOURCE / "tests", *(parts.ROOT / "tests" / name for name in JUDGES))
-    for path in sorted(path for folder in folders for path in folder.rglob("*") if path.suffix in (".c", ".h", ".py")):
+    paths = [path for folder in folders for path in folder.rglob("*") if path.suffix in (".c", ".h", ".py")]
+    for path in sorted([*paths, parts.HERE / "parts.py"]):
         seen.update(f"{path.relative_to(parts.ROOT)}\n".encode() + path.read_bytes())
     return seen.hexdigest()[:16]
 

@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 
-from host import parts
+import parts
 
 SOURCE = parts.ROOT / "package/odid-daemon"
 # What is still to be waited for is more than any of them takes: a change that makes something hang is seen by that.
@@ -109,7 +109,7 @@ class Workshop:
                 failed = FAILED_UNIT.findall(said)
                 return "caught", f"unit {failed[0]}" if failed else "unit: hangs"
         daemon = str(self.shipped / "odid-daemon")
-        for which in (["tests/simulated"], ["tests/host", "-m", "not booted and not timed and not long", "-n", "3"]):
+        for which in (["tests/simulated"], ["tests/daemon", "-m", "not booted and not timed and not long", "-n", "3"]):
             code, said = self._run([sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider",
                                     f"--basetemp={self.folder / 'pytest'}", *which], PYTEST_S, DAEMON=daemon)
             if code != 0:

@@ -5,8 +5,8 @@ import functools
 import json
 from collections import namedtuple
 
-from host import player, tlog
-from host.flight import BOOTED_MS
+from models import player, tlog
+from models.flight import BOOTED_MS
 from pymavlink.dialects.v20 import common
 
 # What the daemon says of itself: CLOCK_MONOTONIC in seconds, whether it is good to arm, and otherwise why not.

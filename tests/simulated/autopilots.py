@@ -1,7 +1,7 @@
 """Kinds of autopilots, and who speaks beside them: each does what real ones were seen to do. A kind's options are
-host/flight.py's; `changed` gives the messages that are sent instead of one."""
+models/flight.py's; `changed` gives the messages that are sent instead of one."""
 
-from host.flight import START_UNIX_S, UNDULATION_M
+from models.flight import START_UNIX_S, UNDULATION_M
 from pymavlink.dialects.v20 import common
 
 EPOCH_2019_S = 1546300800

@@ -1,7 +1,7 @@
 """A MODEL of a Bluetooth controller: H4, the advertising commands and their rules, and what is on the air by them.
 
 Bluetooth Core Specification, Vol 4 Part E 7.8 (commands), Vol 6 Part B 4.4.2.2 (an advertising event each interval and a
-random 0 to 10 ms). Its modes are those of host/front.py:
+random 0 to 10 ms). Its modes are those of models/front.py:
 
   full       extended advertising with Coded PHY, 20 ms
   legacy20   no extended advertising, 20 ms
@@ -11,7 +11,7 @@ random 0 to 10 ms). Its modes are those of host/front.py:
 import struct
 from dataclasses import dataclass
 
-from host.front import COMMAND, EVENT, MODES, Packets
+from models.front import COMMAND, EVENT, MODES, Packets
 
 from .world import Device
 

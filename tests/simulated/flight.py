@@ -7,7 +7,7 @@ import math
 import os
 import subprocess
 
-from host import parts
+import parts
 from judge.conformance import Options, judge
 from judge.flight_log import read_flight_log
 from judge.set_log import add_payload

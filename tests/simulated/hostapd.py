@@ -1,8 +1,8 @@
-"""A MODEL of hostapd: host/hostapd.py's control interface, with the world's time and air."""
+"""A MODEL of hostapd: models/hostapd.py's control interface, with the world's time and air."""
 
 import socket
 
-from host.hostapd import BEACON_INTERVAL_TU, BSSID, CHANNEL, ControlInterface
+from models.hostapd import BEACON_INTERVAL_TU, BSSID, CHANNEL, ControlInterface
 
 BEACON_US = BEACON_INTERVAL_TU * 1024
 
@@ -35,7 +35,7 @@ class Hostapd(ControlInterface):
         self.socket = None
 
     def order(self, *words):
-        """As host/hostapd.py takes them: "mute", "forget" ..."""
+        """As models/hostapd.py takes them: "mute", "forget" ..."""
         self._send(self.world.now_us)
         self.obey(list(words))
         self._look()

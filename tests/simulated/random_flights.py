@@ -28,8 +28,10 @@ from pathlib import Path
 if __package__ is None:
     sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from host import front, parts, program
-from host.flight import write_flight
+import parts
+import program
+from models import front
+from models.flight import write_flight
 from simulated.autopilots import KINDS
 from simulated.faults import BY_NAME, FAULTS
 from simulated.flight import WARM_UP_S, Flight

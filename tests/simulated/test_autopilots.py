@@ -4,8 +4,8 @@ the same."""
 from collections import namedtuple
 
 import pytest
-from host.flight import START_UNIX_S, write_flight
 from judge.messages import Location, SelfId, System
+from models.flight import START_UNIX_S, write_flight
 from pymavlink.dialects.v20 import common
 
 from .autopilots import climbs_downward, kind, operator_from_a_ground_station, second_receiver

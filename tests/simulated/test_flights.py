@@ -3,10 +3,11 @@ limit is the daemon's own, in the thousandths of a second that the models leave 
 
 from itertools import pairwise
 
+import parts
 import pytest
 from bench.attacker import Speaker
-from host import front, parts
-from host.flight import write_flight
+from models import front
+from models.flight import write_flight
 from pymavlink.dialects.v20 import common
 
 from .faults import BY_NAME, FAULTS

@@ -4,9 +4,9 @@ counts his own frames, or waits until the line is quiet and takes a number that 
 from itertools import pairwise
 
 import pytest
-from host.flight import BOOTED_MS, START_UNIX_S, write_flight
-from host.tlog import Decoder
 from judge.messages import System
+from models.flight import BOOTED_MS, START_UNIX_S, write_flight
+from models.tlog import Decoder
 from pymavlink.dialects.v20 import common
 
 from .autopilot import decoded

@@ -1,7 +1,7 @@
 """The laws see what they are there for: a flight to which harm was done breaks each of them, where what was done is forgotten."""
 
 import pytest
-from host.flight import write_flight
+from models.flight import write_flight
 from mutants.laws import CASES
 
 from . import random_flights

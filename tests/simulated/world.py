@@ -19,8 +19,8 @@ import tempfile
 from collections import namedtuple
 from pathlib import Path
 
+import parts
 import patience
-from host import parts
 
 START_US = 100_000_000  # CLOCK_MONOTONIC when the world begins
 NEVER_US = 1 << 63
@@ -38,7 +38,7 @@ class Ended(Exception):
 
 def build_library():
     """The seam, where it is missing or older than its source."""
-    source = parts.HERE.parent / "simulated/seam.c"
+    source = parts.HERE / "simulated/seam.c"
     if not LIBRARY.exists() or LIBRARY.stat().st_mtime < source.stat().st_mtime:
         LIBRARY.parent.mkdir(parents=True, exist_ok=True)
         fresh = LIBRARY.with_suffix(f".{os.getpid()}")

@@ -15,8 +15,9 @@ if __package__ is None:
 import subprocess
 from collections import namedtuple
 
+import parts
+import program
 import pytest
-from host import parts, program
 from update import bundles
 
 FOLDER = parts.ROOT / "build/smoke-without"

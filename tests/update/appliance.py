@@ -3,10 +3,10 @@
 import json
 import time
 
+import parts
 import patience
 from bench import disk as disks
 from bench.machine import Machine
-from host import parts
 
 from . import bundles
 from .server import Server

@@ -3,7 +3,7 @@
 import struct
 
 from bench import flights
-from host import flight, tlog
+from models import flight, tlog
 
 SAFETY_ARMED = tlog.mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 

@@ -8,9 +8,9 @@ import subprocess
 from collections import namedtuple
 from pathlib import Path
 
+import parts
 from bench import disk as disks
 from bench.disk import call
-from host import parts
 
 BUILD = parts.ROOT / "build/update"
 COMMON = parts.ROOT / "board/common"

@@ -8,7 +8,7 @@ import json
 import subprocess
 import time
 
-from host import parts
+import parts
 
 PATH = parts.ROOT / "build/update/figures.json"
 LIMITS = {"install_s": 60, "*_gap_s": 0.6, "*_failed_to_air_s": 90, "power_cuts_failed": 0}

@@ -27,9 +27,9 @@ import sys
 import threading
 import time
 
+import program
 from bench import disk as disks
 from bench.machine import CHANNELS, Machine, configuration, missing
-from host import program
 from judge.receptions import read_json_lines
 
 from . import bundles, figures, preload, writes

@@ -4,7 +4,7 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-from host import parts
+import parts
 
 REAL = """
 void *dlsym(void *handle, const char *name);

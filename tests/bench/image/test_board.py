@@ -8,10 +8,10 @@ import re
 import shutil
 import subprocess
 
+import parts
 import patience
 import pytest
 from bench import disk as disks
-from host import parts
 
 SCRIPT = parts.ROOT / "board/cm4/board.cmd"
 VOLUME_AT = 1 << 20

@@ -160,7 +160,7 @@ static void open_a_terminal(void)
     MUST(close(master) == 0);
 }
 
-/* (What it does with memory, the host tests show: here the sanitizer's allocator stands in.) */
+/* (What it does with memory, tests/daemon shows: here the sanitizer's allocator stands in.) */
 static void do_what_the_daemon_does(void)
 {
     struct kept kept = {.vehicle = 1};

@@ -19,8 +19,11 @@ from pathlib import Path
 if __package__ is None:
     sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from host import measure, parts, program, runs, tlog
-from host.flight import write_flight
+import parts
+import program
+from measure import costs, runs
+from models import tlog
+from models.flight import write_flight
 
 FOLDER = parts.ROOT / "build/bench"
 POSITION_HZ = 5
@@ -133,7 +136,7 @@ def run_bar(table, flights, seconds):
     table.slots("slot_jitter_p99_ms", figures, 1)
     table.add("rss_anon_kib", figures["rss_anon_kib"], 400)
     table.add("rss_anon_growth_kib", figures["rss_anon_growth_kib"], 8, "over the run")
-    hello = measure.hello_world_kib(FOLDER)
+    hello = costs.hello_world_kib(FOLDER)
     table.add("hello_world_rss_anon_kib", hello["RssAnon"], None, "a C program that does nothing, here")
     table.add("vm_rss_kib", figures["vm_rss_kib"])
     table.add("hello_world_vm_rss_kib", hello["VmRSS"], None, "the same program")

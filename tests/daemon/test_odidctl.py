@@ -2,9 +2,8 @@
 
 import subprocess
 
+import parts
 import pytest
-
-from . import parts
 
 USAGE = 2
 

@@ -7,17 +7,17 @@ import select
 import signal
 import socket
 import struct
-import subprocess
 import sys
 import time
 
+import parts
 import patience
 import pytest
 
-from host import air, hostapd, parts, realtime, tlog
-from host.controller import Rootcanal
-from host.flight import UNDULATION_M, write_flight
-from host.front import Packets
+from . import air, hostapd, realtime, tlog
+from .controller import Rootcanal
+from .flight import UNDULATION_M, write_flight
+from .front import Packets
 
 RESET, READ_FEATURES = 0x0C03, 0x2003
 SET_PARAMETERS, SET_DATA, SET_ENABLE = 0x2006, 0x2008, 0x200A
@@ -82,7 +82,7 @@ def front(short_folder, rootcanal):
     started = []
 
     def start(mode):
-        part = parts.Part(parts.python("host.front", "--pty", short_folder / "bt", "--hci-port",
+        part = parts.Part(parts.python("models.front", "--pty", short_folder / "bt", "--hci-port",
                                        rootcanal.hci_port, "--mode", mode, "--set-log",
                                        short_folder / "set.jsonl"),
                           short_folder / "front.log", orders=True)
@@ -219,7 +219,7 @@ def test_what_is_advertised_is_heard_and_what_is_replaced_is_not_any_more(front,
 def test_the_field_study_loses_a_location_every_three_seconds(rootcanal, short_folder):
     """By what the model's own log says the interval is kept."""
     ear = air.Air(rootcanal.hci_port)
-    model = parts.Part(parts.python("host.field_study", "--hci-port", rootcanal.hci_port, "--seconds", 11),
+    model = parts.Part(parts.python("models.field_study", "--hci-port", rootcanal.hci_port, "--seconds", 11),
                        short_folder / "model.log")
     try:
         assert model.process.wait(patience.LIMIT_S) == 0, model.log()
@@ -239,7 +239,7 @@ def test_the_field_study_loses_a_location_every_three_seconds(rootcanal, short_f
 
 @pytest.fixture
 def access_point(short_folder):
-    part = parts.Part(parts.python("host.hostapd", "--dir", short_folder / "h", "--pcap",
+    part = parts.Part(parts.python("models.hostapd", "--dir", short_folder / "h", "--pcap",
                                    short_folder / "b.pcap"), short_folder / "h.log", orders=True)
     assert part.process.stdout.readline() == "done\n", part.log()
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as client:
@@ -319,7 +319,7 @@ def test_the_player_answers_what_it_is_told_to_do(tmp_path):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ear:
         ear.bind(("127.0.0.1", 0))
         ear.settimeout(patience.LIMIT_S)
-        player = parts.Part([sys.executable, "-m", "host.player", flight, "--to", f"udp:127.0.0.1:{ear.getsockname()[1]}"],
+        player = parts.Part([sys.executable, "-m", "models.player", flight, "--to", f"udp:127.0.0.1:{ear.getsockname()[1]}"],
                             tmp_path / "player.log", orders=True)
         try:
             while len(heard) < 40 or [one.get_type() for one in heard].count("COMMAND_ACK") < 2:
@@ -342,7 +342,7 @@ def test_the_player_keeps_bytes_and_time(tmp_path):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ear:
         ear.bind(("127.0.0.1", 0))
         ear.settimeout(patience.LIMIT_S)
-        player = parts.Part([sys.executable, "-m", "host.player", flight, "--to",
+        player = parts.Part([sys.executable, "-m", "models.player", flight, "--to",
                              f"udp:127.0.0.1:{ear.getsockname()[1]}", "--seconds", "1.5",
                              "--played", tmp_path / "played.jsonl", "--answers", tmp_path / "answers.jsonl"],
                             tmp_path / "player.log", orders=True)
@@ -396,28 +396,3 @@ def test_damaged_parts_of_a_log_are_left_out_and_counted(tmp_path):
     found = tlog.read(tmp_path / "damaged.tlog")
     assert found.damaged_parts == 3 and found.damaged_octets > 900
     assert set(found) <= set(whole) and len(found) >= len(whole) - 6
-
-
-@pytest.mark.parametrize("module", ["host.bench", "host.demo", "bench.demo", "bench.soak", "bench.without",
-                                    "update.power_cuts"])
-def test_what_is_run_by_hand_only_can_be_loaded(module):
-    result = subprocess.run([sys.executable, "-c", f"import {module}"], capture_output=True, text=True,
-                            env=parts.environment(), timeout=patience.LIMIT_S)
-    assert result.returncode == 0, result.stderr
-
-
-# --- all of it, around the daemon -------------------------------------------
-
-
-def test_the_bench_is_heard_on_every_channel(bench, tmp_path):
-    write_flight(tmp_path / "flight.tlog", 20)
-    one = bench(settings={"self_id": {"description": "bench"}}, flight=tmp_path / "flight.tlog")
-    one.air.wait_all_five(("bt4", "bt5", "wifi"))
-    for channel in ("bt4", "bt5", "wifi"):
-        heard = one.air.receptions(channel)
-        assert all(reception.data[0] == 0x0D for reception in heard)
-        assert any(b"bench" in reception.data for reception in heard)
-    addresses = {reception.address for channel in ("bt4", "bt5") for reception in one.air.receptions(channel)}
-    assert len(addresses) == 1
-    assert one.daemon.stop() == 0
-    patience.wait_for("silence", lambda: one.air.heard("bt4", 1) == [])

@@ -9,9 +9,10 @@ import tempfile
 import time
 from pathlib import Path
 
+import parts
 import quiet
 
-from . import measure, parts
+from . import costs
 
 LEAD_S = 2.0  # positions flow before the judging begins
 SETTLE_S = 3.0  # the daemon's start isn't part of its flight
@@ -74,20 +75,20 @@ def violations_without_time(folder, played):
 
 def _fly(bench, name, flight, seconds, load, realtime):
     channels = ("bt4", "bt5", "wifi") if bench.mode == "full" else ("bt4", "wifi")
-    stress = measure.Load(None, 0)
+    stress = costs.Load(None, 0)
     try:
         bench.start_daemon(realtime=realtime)
         bench.wait_on_air(channels)
         player = bench.play(flight, seconds=seconds + LEAD_S + 15)
         time.sleep(LEAD_S)
-        stress = measure.Load(load, seconds + 60)
+        stress = costs.Load(load, seconds + 60)
         judge = bench.judge(seconds, "--played", bench.folder / "played.jsonl", "--expect",
                             ",".join(channels), "--title", name)
         pid = bench.daemon.process.pid
         time.sleep(min(SETTLE_S, seconds / 4))
-        before, cpu_before_ms, from_s = measure.memory_kib(pid), measure.cpu_ms(pid), time.monotonic()
+        before, cpu_before_ms, from_s = costs.memory_kib(pid), costs.cpu_ms(pid), time.monotonic()
         time.sleep(max(1, seconds - SETTLE_S))
-        after, cpu_after_ms, to_s = measure.memory_kib(pid), measure.cpu_ms(pid), time.monotonic()
+        after, cpu_after_ms, to_s = costs.memory_kib(pid), costs.cpu_ms(pid), time.monotonic()
         status = bench.status()
         judge.process.wait(timeout=120)
         for part, what in ((player, "the player"), (bench.daemon, "the daemon")):
@@ -99,7 +100,7 @@ def _fly(bench, name, flight, seconds, load, realtime):
         stress.stop()
         bench.stop()
     figures = _read_figures(bench.folder, judge.log())
-    figures.update(measure.interval_figures(measure.host_locations_s(bench.set_log)))
+    figures.update(costs.interval_figures(costs.host_locations_s(bench.set_log)))
     figures.update(rss_anon_kib=after["RssAnon"], rss_anon_growth_kib=after["RssAnon"] - before["RssAnon"],
                    vm_rss_kib=after["VmRSS"],
                    cpu_ms_per_s=(cpu_after_ms - cpu_before_ms) / (to_s - from_s),
@@ -136,7 +137,7 @@ def model(kept, seconds):
         bench = parts.Bench(folder, hostapd=False)
         try:
             transmitter = bench.add(parts.Part(
-                parts.python("host.field_study", "--hci-port", bench.rootcanal.hci_port, "--seconds",
+                parts.python("models.field_study", "--hci-port", bench.rootcanal.hci_port, "--seconds",
                              seconds + 6), folder / "model.log", raised=True))
             time.sleep(1)
             judge = bench.judge(seconds, "--expect", "bt4", "--address", MODEL_ADDRESS)

@@ -15,9 +15,10 @@ from pathlib import Path
 if __package__ is None:
     sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
+import parts
 import patience
-from host import parts, program
-from host.flight import write_flight
+import program
+from models.flight import write_flight
 
 FOLDER = parts.ROOT / "build/demo"
 GENERATED_MORE_S = 600  # than is listened to: until all is on the air, on any machine

@@ -6,9 +6,8 @@ import pwd
 import subprocess
 import sys
 
+import parts
 import pytest
-
-from . import parts
 
 CONFINE = parts.DAEMON.with_name("odid-confine")
 TRY = """

@@ -5,11 +5,10 @@ import signal
 import subprocess
 import time
 
+import parts
 import patience
 import pytest
-
-from host import parts
-from host.flight import write_flight
+from models.flight import write_flight
 
 RECORDER = parts.DAEMON.with_name("odid-recorder")
 

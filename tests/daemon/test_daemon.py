@@ -10,11 +10,10 @@ import tempfile
 import time
 from pathlib import Path
 
+import parts
 import patience
 import pytest
-
-from host import parts
-from host.flight import write_flight
+from models.flight import write_flight
 
 DISABLE_EXTENDED = "3920020000"  # LE Set Extended Advertising Enable: everything off
 DISABLE_LEGACY = "0a200100"
@@ -362,7 +361,7 @@ def noise():
     started = []
 
     def start(bench):
-        started.append(bench.add(parts.Part(parts.python("host.noise", bench.udp_port), bench.folder / "noise.log")))
+        started.append(bench.add(parts.Part(parts.python("models.noise", bench.udp_port), bench.folder / "noise.log")))
         patience.wait_for("the others to be heard", lambda: view(bench, "mavlink", "other_system"), part=bench.daemon)
     return start
 

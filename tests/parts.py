@@ -10,13 +10,12 @@ import sys
 from pathlib import Path
 
 import patience
-
-from . import realtime
-from .air import Air
-from .controller import Rootcanal
+from models import realtime
+from models.air import Air
+from models.controller import Rootcanal
 
 HERE = Path(__file__).resolve().parent
-ROOT = HERE.parent.parent
+ROOT = HERE.parent
 # DAEMON=: another one than `make daemon` has built (tests/mutants).
 DAEMON = Path(os.environ.get("DAEMON") or ROOT / "build/daemon/odid-daemon")
 CONTROL = ROOT / "build/daemon/odidctl"
@@ -122,7 +121,7 @@ class Bench:
         self.rootcanal = Rootcanal(self.folder / "rootcanal.log")
         try:
             self.front = self.add(Part(
-                python("host.front", "--pty", self.folder / "bt", "--hci-port",
+                python("models.front", "--pty", self.folder / "bt", "--hci-port",
                        self.rootcanal.hci_port, "--mode", mode, "--set-log", self.set_log),
                 self.folder / "front.log", orders=True, raised=True))
             if self.front.process.stdout.readline().strip() != "done":
@@ -141,7 +140,7 @@ class Bench:
         control = self.folder / "hostapd" / IFACE
         control.unlink(missing_ok=True)
         self.hostapd = self.add(Part(
-            python("host.hostapd", "--dir", self.folder / "hostapd", "--iface", IFACE,
+            python("models.hostapd", "--dir", self.folder / "hostapd", "--iface", IFACE,
                    "--pcap", self.pcap), self.folder / "hostapd.log", orders=True, raised=True))
         patience.wait_for("hostapd's socket", control.exists, part=self.hostapd)
 
@@ -190,7 +189,7 @@ class Bench:
                      "--answers", self.folder / "answers.jsonl"]
         if seconds:
             arguments += ["--seconds", seconds]
-        return self.add(Part(python("host.player", *arguments), self.folder / "player.log", orders=True,
+        return self.add(Part(python("models.player", *arguments), self.folder / "player.log", orders=True,
                               raised=True))
 
     def judge(self, seconds, *arguments, quiet=True, out=None, show=False):

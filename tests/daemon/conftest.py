@@ -1,21 +1,7 @@
-"""The bench as a fixture. What it is made of: README.md."""
+"""The bench as a fixture. What it is made of: ../models/README.md."""
 
-import shutil
-import tempfile
-from pathlib import Path
-
+import parts
 import pytest
-
-from host import parts
-
-
-@pytest.fixture
-def short_folder():
-    """A folder of the test's own whose path fits a UNIX socket's 108 octets, open to every user."""
-    folder = Path(tempfile.mkdtemp(prefix="odid-"))
-    folder.chmod(0o755)
-    yield folder
-    shutil.rmtree(folder)
 
 
 @pytest.fixture

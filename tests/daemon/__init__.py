@@ -1,0 +1,1 @@
+"""The real daemon between the models on this machine (see README.md)."""

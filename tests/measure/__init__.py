@@ -1,0 +1,1 @@
+"""What the daemon costs, and how regularly it is heard: make bench (see README.md)."""
