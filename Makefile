@@ -195,9 +195,9 @@ soak: appliance
 # `make test` is the gate: parts and rules, the same verdict on any machine. `make test-all` has real time besides, and all
 # but what is marked long: installs, roll-backs and servers (make update), 300 power cuts, long flights. Each level
 # leaves a JUnit file in build/test; the summary counts them, and fails where one left none.
-LEVEL = @tests/levels/run.sh
+LEVEL = @tests/run/level.sh
 PYTEST = -ra --continue-on-collection-errors -o cache_dir=build/pytest
-TESTS = tests --ignore=tests/image
+TESTS = tests --ignore=tests/release
 PARTS = not booted and not timed and not long
 # `make system SYSTEM=booted`: with those that take minutes each.
 SYSTEM ?= booted and not long
@@ -207,7 +207,7 @@ SPREAD = -n 4 --dist worksteal
 test: LEVELS = check unit fuzz parts smoke
 test: test-begin
 	@$(MAKE) --no-print-directory --keep-going -j 4 $(LEVELS:%=level-%) || true
-	@$(RUN) tests/summary.py build/test $(LEVELS)
+	@$(RUN) tests/run/summary.py build/test $(LEVELS)
 
 # One level after the other, and nothing beside them: what is about time is judged here, where the machine was quiet.
 .PHONY: test-all
@@ -216,7 +216,7 @@ test-all: LEVELS = check unit fuzz parts system bench soak without
 test-all: test-begin
 	@$(MAKE) --no-print-directory --keep-going -j 1 $(LEVELS:%=level-%) FUZZ_SECONDS=60 SPREAD= \
 		PARTS='not booted and not long' || true
-	@$(RUN) tests/summary.py build/test $(LEVELS) --keep build/test-all
+	@$(RUN) tests/run/summary.py build/test $(LEVELS) --keep build/test-all
 
 test-begin:
 	@rm -rf build/test && mkdir -p build/test && date +%s >build/test/started
@@ -226,7 +226,7 @@ test-begin:
 FUZZ_SECONDS ?= 5
 .PHONY: level-check level-unit level-fuzz level-parts level-smoke
 level-check:
-	$(LEVEL) check $(RUN) tests/levels/check.py --junit build/test/check.xml
+	$(LEVEL) check $(RUN) tests/run/check.py --junit build/test/check.xml
 
 level-unit: unit
 	$(LEVEL) unit env UBSAN_OPTIONS=print_stacktrace=1 ctest --test-dir build/unit -j 4 \
@@ -235,7 +235,7 @@ level-unit: unit
 		--output-junit $(CURDIR)/build/test/unit.xml
 
 level-fuzz: fuzzers
-	$(LEVEL) fuzz $(RUN) tests/levels/fuzz.py --seconds $(FUZZ_SECONDS) --jobs $(JOBS) \
+	$(LEVEL) fuzz $(RUN) tests/run/fuzz.py --seconds $(FUZZ_SECONDS) --jobs $(JOBS) \
 		--junit build/test/fuzz.xml
 
 # Most of them wait for something, and not for a processor.
@@ -250,7 +250,7 @@ level-smoke: appliance
 level-system: appliance
 	$(LEVEL) system $(RUN) -m pytest $(TESTS) -m '$(SYSTEM)' $(PYTEST) --junit-xml=build/test/system.xml
 
-COMMAND = $(RUN) tests/levels/command.py build/test/$(1).xml $(RUN)
+COMMAND = $(RUN) tests/run/command.py build/test/$(1).xml $(RUN)
 level-bench: daemon
 	$(LEVEL) bench $(call COMMAND,bench) tests/measure/bench.py
 
@@ -263,7 +263,7 @@ level-without: appliance
 # Whether the gate says the same thing each time; STRESS= beside so many busy processes.
 .PHONY: steady
 steady: setup
-	@COUNT='$(or $(COUNT),10)' STRESS='$(or $(STRESS),0)' $(RUN) tests/steady.py
+	@COUNT='$(or $(COUNT),10)' STRESS='$(or $(STRESS),0)' $(RUN) tests/run/steady.py
 
 # Random faults, by seed: tests/simulated.
 .PHONY: simulate
@@ -301,7 +301,7 @@ power-cuts: appliance
 
 .PHONY: check format
 check: build/venv/stamp debian-tests
-	@$(RUN) tests/levels/check.py
+	@$(RUN) tests/run/check.py
 
 format: debian-tests
 	@clang-format -i $(wildcard $(DAEMON)/src/*/*.[ch] $(DAEMON)/tests/*.[ch] $(DAEMON)/tests/*/*.[ch] $(DAEMON)/fuzz/*.[ch] \

@@ -5,7 +5,7 @@ import subprocess
 import sys
 
 
-NOT_JUDGED = 77  # exit code: what is beyond its limit was measured beside other work (levels/command.py)
+NOT_JUDGED = 77  # exit code: what is beyond its limit was measured beside other work (run/command.py)
 
 
 def run(name, main):

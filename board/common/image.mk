@@ -92,7 +92,7 @@ buildroot: $(IMAGE_OUT)/defconfig
 # What is in the built images, and the Compute Module's booted as far as QEMU can.
 test-image: setup
 	@tests/setup/qemu-raspi.sh
-	@$(RUN) -m pytest tests/image -o cache_dir=build/pytest -ra
+	@$(RUN) -m pytest tests/release -o cache_dir=build/pytest -ra
 
 # Kept when nothing in it is new: Buildroot goes on where it was.
 $(IMAGE_OUT)/defconfig: configs/odid_$(BOARD)_defconfig $(IMAGE_CONFIG) | image-host $(BUILDROOT_DIR)/Makefile

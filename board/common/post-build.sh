@@ -20,7 +20,7 @@ rm -f "$target/usr/bin/nettle-"* "$target/usr/bin/pkcs1-conv" "$target/usr/bin/s
 if ! grep -rqs "libatomic\\.so" "$target/bin" "$target/sbin" "$target/usr/bin" "$target/usr/sbin" "$target/usr/lib"/lib[!a]*; then
 	rm -f "$target/lib/libatomic.so"* "$target/usr/lib/libatomic.so"*
 fi
-# Libraries that nothing here is linked with (tests/image).
+# Libraries that nothing here is linked with (tests/release).
 for library in libbluetooth libconfig++ libdrop_ambient libgmpxx libgomp libhogweed libINIReader \
 	libnl-idiag-3 libnl-nf-3 libnl-route-3 libnl-xfrm-3 libss; do
 	rm -f "$target/lib/$library.so"* "$target/usr/lib/$library.so"*

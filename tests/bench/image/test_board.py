@@ -1,7 +1,7 @@
 """What board/cm4/board.cmd makes of a device tree, in the bench's own U-Boot.
 
 The trees hold only the nodes that it deals with; that the Compute Module's real tree has these nodes,
-tests/image looks at.
+tests/release looks at.
 """
 
 import re

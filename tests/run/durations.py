@@ -20,11 +20,9 @@ PERMITTED_FILES = {
     "patience.py": "the waits themselves",
     "quiet.py": "watches the machine's own time",
     "conftest.py": "says when a test was late",
-    "steady.py": "figures beside the verdict",
-    "summary.py": "figures beside the verdict",
-    "levels": "figures beside the verdict",
+    **{f"run/{name}.py": "figures beside the verdict" for name in ("check", "command", "fuzz", "steady", "summary")},
     "judge/__main__.py": "the judge: its clock is the air's, and --without-time leaves it out",
-    "image": "the release image's: make test-image",
+    "release/test_raspi4b.py": "the release image's: make test-image",
     **{f"models/{name}.py": "a model: its time is the air's, or the autopilot's" for name in (
         "front", "hostapd", "player", "field_study", "noise", "air")},
     **{f"measure/{name}.py": "measures: make bench" for name in ("bench", "runs", "costs")},

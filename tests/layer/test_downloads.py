@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-TOP = Path(__file__).resolve().parent.parent
+TOP = Path(__file__).resolve().parent.parent.parent
 LAYER = TOP / "br2-external"
 BUILDROOT, MIRRORS = os.environ.get("BUILDROOT_DIR"), os.environ.get("GIT_MIRRORS")
 FROM_GIT = sorted(recipe.stem for recipe in LAYER.glob("package/*/*.mk") if "_SITE_METHOD = git\n" in recipe.read_text())

@@ -8,7 +8,7 @@ from pathlib import Path
 import parts
 import pytest
 
-CHECK = Path(__file__).parent / "levels/rooms.py"
+CHECK = Path(__file__).with_name("rooms.py")
 DAEMON = parts.ROOT / "package/odid-daemon"
 
 

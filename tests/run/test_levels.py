@@ -7,10 +7,11 @@ from xml.etree import ElementTree
 import parts
 import program
 import pytest
-import summary
 from measure.bench import Table
 
-COMMAND = parts.ROOT / "tests/levels/command.py"
+from . import summary
+
+COMMAND = parts.ROOT / "tests/run/command.py"
 
 
 @pytest.mark.parametrize("script, verdict", [

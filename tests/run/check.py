@@ -53,11 +53,11 @@ def checks() -> list[tuple[str, list[str], list[Path]]]:
         ("Python", [sys.executable, "-m", "pyflakes"], python),
         (
             "waits and durations",
-            [sys.executable, "tests/levels/durations.py"],
+            [sys.executable, "tests/run/durations.py"],
             [path for path in python if path.parts[0] == "tests"]
             + [path for path in ours if path.is_relative_to(DAEMON / "tests")],
         ),
-        ("rooms", [sys.executable, "tests/levels/rooms.py"], [path for path in ours if path.is_relative_to(DAEMON / "src")]),
+        ("rooms", [sys.executable, "tests/run/rooms.py"], [path for path in ours if path.is_relative_to(DAEMON / "src")]),
     ]
 
 

@@ -1,5 +1,5 @@
 #!/bin/sh
-# run.sh LEVEL COMMAND...: one level of the tests; several may run at the same time. What it says goes into
+# level.sh LEVEL COMMAND...: one level of the tests; several may run at the same time. What it says goes into
 # build/test/LEVEL.log, and is shown when it fails. LEVEL.exit is its exit code when that isn't 0: the summary
 # counts it, so that a level that fails doesn't keep the next one from running.
 level=$1

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-CHECK = Path(__file__).parent / "levels/durations.py"
+CHECK = Path(__file__).with_name("durations.py")
 
 
 def check(folder, body, decorator=""):
