@@ -34,6 +34,13 @@ class Page:
         return answer.status, json.loads(text) if path.startswith("/api") else text
 
 
+def send(page, data):
+    connection = page.connect(patience.BOOTED_S)
+    connection.request("POST", "/api/update", data, {"X-Odid-Page": "1", "Cookie": page.cookie})
+    answer = connection.getresponse()
+    return answer.status, json.loads(answer.read())
+
+
 def listening(machine):
     """TCP ports that anything in the machine listens on: a scan that misses none."""
     lines = machine.must("netstat -ltn | grep LISTEN; true").splitlines()

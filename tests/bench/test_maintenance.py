@@ -8,7 +8,7 @@ import pytest
 from . import flights
 from .conftest import GROUND, PASSWORD
 from .runs import tool
-from .test_air import BEACON, PROBE_RESPONSE, frames, pack, station
+from .wifi import BEACON, PROBE_RESPONSE, frames, pack, station
 
 CONNECTED = "CTRL-EVENT-CONNECTED"
 BEACON_S = 0.1024

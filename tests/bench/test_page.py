@@ -1,18 +1,16 @@
 """The technician's page in the appliance: there in maintenance, gone when the aircraft is armed."""
 
-import json
 import os
 import subprocess
 import threading
 import time
 from pathlib import Path
 
-import patience
 import pytest
 
 from . import flights
 from .conftest import GROUND, PASSWORD
-from .page import Page, listening
+from .page import Page, listening, send
 
 NUMBER = "FIN87astrdge12k8"
 CLOSED_WITHIN_S = 5         # of arming: it is looked for every other second
@@ -80,13 +78,6 @@ def bundle(tmp_path):
     path = tmp_path / "new.swu"
     subprocess.run(["board/common/make-bundle.sh", SLOT, "qemu", NEW_VERSION, KEYS, path], check=True)
     return path.read_bytes()
-
-
-def send(page, data):
-    connection = page.connect(patience.BOOTED_S)
-    connection.request("POST", "/api/update", data, {"X-Odid-Page": "1", "Cookie": page.cookie})
-    answer = connection.getresponse()
-    return answer.status, json.loads(answer.read())
 
 
 def test_bundles_by_the_page(page, bundle):

@@ -4,7 +4,7 @@ import re
 import time
 
 import pytest
-from release.test_image import figures
+from release.figures import figures
 
 from . import faults, runs
 

@@ -13,7 +13,7 @@ import pytest
 from parts import free_udp_port
 
 from . import flights
-from .test_air import BEACON, frames, pack
+from .wifi import BEACON, frames, pack
 
 ADAPTER = bytes((0x40, 0, 0, 0, 77, 1))  # as QEMU's has it
 OFF_AIR_S = 5.0  # after which the last payload of a daemon that isn't back is taken off the air

@@ -5,12 +5,12 @@ import os
 import re
 import stat
 import subprocess
-import time
 from collections import defaultdict
 
 import pytest
 
 from .conftest import TOP, call
+from .figures import figures
 
 MB = 1_000_000
 ROOT_MAX, SLOT_MAX, BUNDLE_MAX = 10 * MB, 16 * MB, 16 * MB
@@ -25,17 +25,6 @@ ELSEWHERE = {
     "histories": r"/\.(ash|bash)_history$|/\.viminfo$",
     "the bench": r"hci-attach|S05bench|/tcpdump$|hwsim",
 }
-
-
-def figures(board, **values):
-    """Added to build/image/figures.json."""
-    path = TOP / "build/image/figures.json"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    known = json.loads(path.read_text()) if path.exists() else {}
-    known.update({f"{board}_{name}": value for name, value in values.items()})
-    known["commit"] = call("git", "-C", TOP, "rev-parse", "HEAD").strip()
-    known["date"] = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
-    path.write_text(json.dumps(known, indent=1) + "\n")
 
 
 def test_sizes(image, tmp_path):

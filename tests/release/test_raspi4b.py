@@ -19,7 +19,7 @@ from pathlib import Path
 import pytest
 
 from .conftest import TOP, call, out_of
-from .test_image import figures
+from .figures import figures
 
 QEMU = TOP / "build/qemu-raspi/usr/bin/qemu-system-aarch64"
 ENV, SLOT_A, SLOT_B, DATA = 5, 6, 7, 8

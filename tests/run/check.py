@@ -57,6 +57,7 @@ def checks() -> list[tuple[str, list[str], list[Path]]]:
             [path for path in python if path.parts[0] == "tests"]
             + [path for path in ours if path.is_relative_to(DAEMON / "tests")],
         ),
+        ("test modules apart", [sys.executable, "tests/run/apart.py"], [path for path in python if path.parts[0] == "tests"]),
         ("rooms", [sys.executable, "tests/run/rooms.py"], [path for path in ours if path.is_relative_to(DAEMON / "src")]),
     ]
 

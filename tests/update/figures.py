@@ -11,7 +11,8 @@ import time
 import parts
 
 PATH = parts.ROOT / "build/update/figures.json"
-LIMITS = {"install_s": 60, "*_gap_s": 0.6, "*_failed_to_air_s": 90, "power_cuts_failed": 0}
+GAP_S = 0.6
+LIMITS = {"install_s": 60, "*_gap_s": GAP_S, "*_failed_to_air_s": 90, "power_cuts_failed": 0}
 
 
 def over(figures):

@@ -12,7 +12,6 @@ from .bundles import NEWER
 
 pytestmark = LONG
 
-GAP_S = 0.6
 SETTLE_S = 3
 LATER_S = 150       # where it is then: positions that were not heard yet
 
@@ -59,5 +58,5 @@ def test_the_broadcast_goes_on(make_appliance, log):
     figures.note(**measured)
     assert one.result()["outcome"] == "installed"
     for name, gap_s in measured.items():
-        patience.promise(name, gap_s, GAP_S)
+        patience.promise(name, gap_s, figures.GAP_S)
     wait_for("the end", lambda: one.state() == "idle", 5)

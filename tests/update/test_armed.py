@@ -9,7 +9,7 @@ import pytest
 from . import LONG, autopilot, bundles
 from .appliance import wait_for
 from .bundles import NEWER, NO_BLUETOOTH, OLDER
-from .test_trial import installed
+from .installs import installed
 
 pytestmark = LONG
 

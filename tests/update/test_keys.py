@@ -4,7 +4,7 @@ import pytest
 
 from . import LONG, bundles
 from .bundles import NEWER
-from .test_refused import accepted
+from .installs import accepted
 
 
 pytestmark = LONG

@@ -10,13 +10,11 @@ import patience
 import pytest
 from bench.conftest import GROUND, PASSWORD
 from bench.gaps import CHANNELS, Contents
-from bench.page import Page
-from bench.test_page import send
+from bench.page import Page, send
 
-from . import LONG, autopilot, bundles
+from . import LONG, autopilot, bundles, figures
 from .appliance import wait_for
 from .bundles import NEWER
-from .test_air import GAP_S
 
 pytestmark = [LONG, pytest.mark.skipif(bool(os.environ.get("IMAGE")),
                                        reason="the release image's kernel has no second network for another host")]
@@ -113,4 +111,4 @@ def test_a_bundle_by(way, make_appliance, tmp_path):
         judge.stop()
     gap_s, channel = Contents(machine.folder / "judge/receptions.jsonl").worst_gap(CHANNELS, begun, ended)
     print(f"longest gap {gap_s:.2f} s on {channel}")
-    patience.promise(f"the longest gap, on {channel}", gap_s, GAP_S)
+    patience.promise(f"the longest gap, on {channel}", gap_s, figures.GAP_S)

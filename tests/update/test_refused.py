@@ -11,6 +11,7 @@ import pytest
 from . import LONG, autopilot, bundles, preload
 from .appliance import wait_for
 from .bundles import NEWER, OLDER
+from .installs import accepted
 
 
 # bundle: makes it; says: what the sentence has; arrange, undo: what has to be so on the appliance;
@@ -126,26 +127,6 @@ def test_refused_before_anything_is_written(grounded, refusal):
     finally:
         if refusal.undo:
             refusal.undo(machine)
-
-
-def accepted(appliance, bundle):
-    """Is it installed? The restart for it is prevented, and afterwards all is as before."""
-    machine = appliance.machine
-    appliance.begin(bundle)
-    try:
-        appliance.begin(bundle)
-        try:
-            wait_for("the mark in U-Boot's variables",
-                           lambda: appliance.variables().get("trial") == "b")
-            return True
-        except TimeoutError:
-            return False
-    finally:
-        machine.must("sv down update")      # it would restart the board five seconds after the mark
-        appliance.ended()
-        machine.must("fw_setenv upgrade_available 0; fw_setenv trial; blockdev --setro /dev/disk/odid/slot-b; "
-                     "rm -f /data/odid/trial.json; sv up update; sleep 1")
-        appliance.wait_ready()
 
 
 @LONG

@@ -11,10 +11,10 @@ from bench.machine import configuration
 from . import LONG, bundles, figures
 from .appliance import wait_for
 from .bundles import NEWER, NO_BLUETOOTH, NO_KERNEL, OLDER, Failure
+from .installs import installed
 
 pytestmark = LONG
 
-INSTALL_S = 60
 BACK_ON_AIR_S = 90
 # All that the boot loader's three starts may take, from the first one to the broadcast of the old slot; for one that
 # is never judged, with its two minutes in each.
@@ -39,21 +39,6 @@ FAILURES = (
     Failure("not_judged", {"usr/sbin/odid-update": None}, "three starts", False),
     NO_KERNEL,
 )
-
-
-def installed(appliance, bundle):
-    """Gives it the bundle, and waits until its slot was started; when that was."""
-    before, began = appliance.starts(), time.monotonic()
-    got = appliance.install(bundle)
-    took = time.monotonic() - began
-    assert got.code == 0, got.output
-    patience.promise("the install", took, INSTALL_S)
-    print(f"install_s {took:.1f}")
-    if appliance.machine.shell:
-        appliance.machine.shell.close()
-        appliance.machine.shell = None
-    wait_for("the restart", lambda: appliance.starts() > before)
-    return time.monotonic()
 
 
 def test_one_that_does_what_the_old_one_did_is_kept(ready):
