@@ -241,7 +241,7 @@ def test_a_bundle_may_take_its_time(start, tmp_path):
     start()
     with connected(tmp_path) as client:
         assert answer(client, REQ_INSTALL, API_VERSION, SOURCE_LOCAL) == ACK
-        client.settimeout(3)
+        client.settimeout(3)  # nothing comes
         with pytest.raises(TimeoutError):
             client.recv(1)
     # Ended in the middle of what it says of that, it may hang.
