@@ -5,70 +5,28 @@
  * restarts the board when that may be. "odid-update gate" is SWUpdate's question.
  */
 #include <errno.h>
-#include <fcntl.h>
-#include <signal.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
-#include <time.h>
 #include <unistd.h>
 
-#include "appliance/appliance_marks.h"
-#include "appliance/armed.h"
 #include "appliance/faults.h"
-#include "appliance/kept.h"
-#include "appliance/status_fetch.h"
 #include "appliance/update_bundle.h"
 #include "appliance/update_gate.h"
 #include "appliance/update_places.h"
 #include "base/log.h"
 #include "base/loop.h"
 #include "base/whole_file.h"
-#include "update/update.h"
-#include "update/update_environment.h"
-#include "update/update_files.h"
+#include "update/service.h"
 #include "update/update_hawkbit.h"
-#include "update/update_installer.h"
-#include "update/update_judge.h"
 #include "update/update_question.h"
 #include "update/update_slot.h"
 
 #define SECOND_US 1000000
 
-static struct {
-    struct update update;
-    struct update_record record;
-    struct update_expectation expectation;
-    struct update_variables variables;
-    /* In a trial: the one in force, when it was looked at last, or before the restart. */
-    char configuration[UPDATE_IDENTITY_SIZE];
-    bool configured_anew; /* it has changed since */
-    char running, other;  /* slots */
-    char version[UPDATE_VERSION_SIZE];
-    bool time_known;
-    bool beside;     /* a bundle came while another update isn't decided: the gate refuses it */
-    bool stopping;   /* it was told to end */
-    bool ended;      /* SWUpdate was, by us */
-    bool passed;     /* the gate said yes to what is being installed */
-    bool unattended; /* and nobody asked for that */
-    enum update_source source;          /* of that */
-    char refused[UPDATE_SENTENCE_SIZE]; /* why the gate refused this bundle, or "" */
-    char reason[UPDATE_SENTENCE_SIZE];  /* why it was rolled back, until the restart; or "" */
-    bool overwritten; /* a bundle was refused since, and that is the last result */
-    struct loop_timer tick;
-    struct loop_watch signals;
-} self;
+static struct service self;
 
 /* ---- small things ---- */
-
-static void complain(const char *what, int result)
-{
-    if (result < 0) {
-        log_error("%s: %s", what, strerror(-result));
-    }
-}
 
 /* The word that starts with prefix, on the kernel's command line; its rest. */
 static void kernel_word(const char *prefix, char *out, size_t size)
@@ -84,282 +42,15 @@ static void kernel_word(const char *prefix, char *out, size_t size)
     }
 }
 
-/* ---- what is shown and kept ---- */
-
-/* Before the gate nothing keeps the aircraft on the ground: SWUpdate's word that something begins
- * can be anybody's on this board (its notifier's socket has no mode). */
-static void show(void)
-{
-    bool checking = self.update.state == UPDATE_CHECKING && !self.passed;
-
-    complain("the update's state can't be shown", update_write_state(STATE, &self.update));
-    if (self.update.state == UPDATE_IDLE || checking) {
-        unlink(APPLIANCE_UPDATING);
-    } else {
-        int fd = open(APPLIANCE_UPDATING, O_WRONLY | O_CREAT | O_CLOEXEC, 0644);
-
-        if (fd >= 0) {
-            close(fd);
-        }
-    }
-}
-
-/* Where /data is full there is room once the record is gone, which isn't needed any more then. */
-static void write_result(const struct update_result *result, bool decided)
-{
-    time_t known = self.time_known ? time(NULL) : 0;
-    int written = update_write_result(DATA, result, known);
-
-    if (decided) {
-        complain("the trial's record can't be removed", update_remove_record(DATA));
-        written = written < 0 ? update_write_result(DATA, result, known) : written;
-    }
-    complain("the update's result can't be kept", written);
-}
-
-static void keep_result(enum update_outcome outcome, const char *to, const char *format,
-                        va_list arguments)
-{
-    struct update_result result = {.outcome = outcome};
-    bool recorded = outcome != UPDATE_REFUSED && self.record.from[0] != '\0';
-    bool decided = outcome != UPDATE_REFUSED || !self.beside;
-
-    result.from_server = recorded && self.record.from_server;
-    snprintf(result.from, sizeof(result.from), "%s", recorded ? self.record.from : self.version);
-    snprintf(result.to, sizeof(result.to), "%s", to);
-    vsnprintf(result.sentence, sizeof(result.sentence), format, arguments);
-    log_info("update: %s", result.sentence);
-    write_result(&result, decided);
-    if (decided) {
-        faults_set(FAULTS, "update", outcome == UPDATE_BACK ? result.sentence : NULL);
-    }
-}
-
-static void keep(enum update_outcome outcome, const char *to, const char *format, ...)
-    __attribute__((format(printf, 3, 4)));
-
-/* Also of a bundle beside an update that isn't decided: of that one everything stays known. */
-static void keep(enum update_outcome outcome, const char *to, const char *format, ...)
-{
-    va_list arguments;
-
-    va_start(arguments, format);
-    keep_result(outcome, to, format, arguments);
-    va_end(arguments);
-}
-
-/* ---- how the board is ---- */
-
-static struct json_object *ask(struct update_board *board)
-{
-    int error = 0;
-    struct json_object *status = status_fetch(RUN_DIR, &error);
-    struct json_object *known =
-        json_object_object_get(json_object_object_get(status, "time"), "known");
-    struct kept kept;
-    bool ran = kept_read(RUN_DIR, &kept) == 0;
-    bool unattended = self.record.from_server || self.record.unattended;
-
-    memset(board, 0, sizeof(*board));
-    self.time_known = self.time_known || json_object_get_boolean(known);
-    board->armed =
-        armed_says(status) || update_armed(&self.update, ran ? &kept : NULL, status != NULL,
-                                           unattended, self.reason[0] != '\0');
-    return status;
-}
-
-static bool write_record(void)
-{
-    int result = update_write_record(DATA, &self.record);
-
-    complain("what worked before the update can't be kept", result);
-    return result == 0;
-}
-
-/* Adds the channels on the air to the record; false: it has them already. */
-static bool take_channels(struct json_object *status)
-{
-    unsigned channels = self.record.channels | update_channels_on_air(status);
-
-    if (status == NULL || (self.record.channels_known && channels == self.record.channels)) {
-        return false;
-    }
-    self.record.channels_known = true;
-    self.record.channels = channels;
-    return true;
-}
-
-/* Of the one in force: another one whenever it is saved. Empty: not known. */
-static void identify_configuration(char identity[UPDATE_IDENTITY_SIZE])
-{
-    struct stat file;
-
-    identity[0] = '\0';
-    if (stat(CONFIGURATION, &file) == 0) {
-        snprintf(identity, UPDATE_IDENTITY_SIZE, "%ju %jd.%09ld", (uintmax_t)file.st_ino,
-                 (intmax_t)file.st_mtim.tv_sec, file.st_mtim.tv_nsec);
-    }
-}
-
-/* Whoever saves settings restarts what they concern: that says nothing against the new version. */
-static bool configuration_changed(void)
-{
-    char before[UPDATE_IDENTITY_SIZE];
-
-    snprintf(before, sizeof(before), "%s", self.configuration);
-    identify_configuration(self.configuration);
-    return before[0] != '\0' && self.configuration[0] != '\0' &&
-           strcmp(before, self.configuration) != 0;
-}
-
-/* What the bundle called it; where that isn't known, what it calls itself. */
-static const char *offered_version(void)
-{
-    return self.record.to[0] != '\0' ? self.record.to : self.version;
-}
-
-/* A stick whose bundle is newer than what is in it would be installed at every start. */
-static void compare_versions(struct update_board *board)
-{
-    if (strcmp(offered_version(), self.version) != 0) {
-        board->well = false;
-        snprintf(board->complaint, sizeof(board->complaint),
-                 "It calls itself version %s: the bundle has to be built again.", self.version);
-    }
-}
-
-/* Of what worked before. In a trial settings may be saved, and keys taken away. */
-static void ask_no_more_for_what_was_switched_off(struct json_object *status)
-{
-    struct stat keys;
-
-    if (self.configured_anew) {
-        unsigned disabled = update_channels_disabled(status);
-
-        self.expectation.channels &= ~disabled;
-        if ((disabled & 1U << CHANNEL_WIFI) != 0) {
-            update_services_forget(&self.expectation.wanted, "hostapd");
-        }
-    }
-    if (stat(SSH_KEYS, &keys) < 0 || keys.st_size == 0) {
-        update_services_forget(&self.expectation.wanted, "dropbear");
-    }
-}
-
-static void look(struct update_board *board, int64_t now_us)
-{
-    struct json_object *status = ask(board);
-
-    if (self.update.state == UPDATE_TRIAL) {
-        struct update_services services;
-
-        update_services_read(&services, SERVICES);
-        if (!self.record.channels_known) {
-            self.expectation.channels = update_channels_required(status);
-        }
-        if (configuration_changed()) {
-            self.configured_anew = true;
-            update_try(&self.update, self.version, now_us);
-        }
-        ask_no_more_for_what_was_switched_off(status);
-        update_judge(&self.expectation, status, &services, board);
-        compare_versions(board);
-    } else if (self.update.state == UPDATE_INSTALLING && take_channels(status)) {
-        write_record(); /* a channel that wasn't up yet when the install began */
-    }
-    json_object_put(status);
-}
-
-/* ---- what is done ---- */
-
-static void end_installer(void)
-{
-    int result = update_installer_end(INSTALLER);
-
-    complain("SWUpdate can't be ended", result);
-    self.ended = self.ended || result == 0;
-}
-
-/* A server whose update this wasn't would close the one that waits there. */
-static enum update_report report(enum update_report what)
-{
-    return self.record.from_server ? what : UPDATE_REPORT_NOTHING;
-}
-
-static void commit(int64_t now_us)
-{
-    struct update_variables variables = {.slot = self.running};
-    int result = update_variables_write(ENVIRONMENT_CONFIG, &variables, report(UPDATE_REPORT_GOOD));
-
-    if (result < 0) { /* tried again in a second */
-        complain("the slot can't be committed", result);
-        return;
-    }
-    self.variables = variables;
-    keep(UPDATE_INSTALLED, self.version, "Version %s is installed.", self.version);
-    update_committed(&self.update, now_us);
-    if (update_hawkbit_is_asked()) { /* its client reports when it starts */
-        end_installer();
-    }
-}
-
-static void keep_reason(void)
-{
-    keep(UPDATE_BACK, offered_version(), "Version %s was rolled back: %s", offered_version(),
-         self.reason);
-    self.overwritten = false;
-}
-
-static void give_up(int64_t now_us)
-{
-    struct update_variables variables = {.slot = self.other, .trial_failed = self.running};
-    int result =
-        update_variables_write(ENVIRONMENT_CONFIG, &variables, report(UPDATE_REPORT_FAILED));
-
-    if (result < 0) {
-        complain("the slot can't be given up", result);
-        return;
-    }
-    self.variables = variables;
-    update_rolled_back(&self.update, now_us);
-}
-
-static void roll_back(int64_t now_us)
-{
-    snprintf(self.reason, sizeof(self.reason), "%s", self.update.sentence);
-    if (strcmp(offered_version(), self.version) != 0) {
-        give_up(now_us); /* first: was_given_up knows it by its own name only */
-    }
-    keep_reason(); /* before that: power may fail now (was_given_up) */
-    give_up(now_us);
-}
-
-static void restart_board(void)
-{
-    struct update_board board;
-
-    if (self.overwritten) {
-        keep_reason();
-    }
-    if (access(MAINTENANCE, F_OK) == 0) {
-        complain("maintenance can't be kept over the restart",
-                 whole_file_replace(MAINTENANCE_AGAIN, "", 0, 0644));
-    }
-    sync(); /* which takes its time: nobody may have armed meanwhile */
-    json_object_put(ask(&board));
-    if (board.armed) {
-        unlink(MAINTENANCE_AGAIN); /* else it would open at some later power-on */
-        log_info("update: the aircraft is armed: the restart waits");
-        return;
-    }
-    log_info("update: the board restarts");
-    kill(1, SIGTERM); /* init's order to restart */
-}
-
 /* A technician's isn't, and no server is left alone for it. */
 static bool may_be_its_server_s(void)
 {
     return self.source != UPDATE_SOURCE_OTHER;
+}
+
+static void end_installer(void)
+{
+    service_end_installer(&self);
 }
 
 static void act(int64_t now_us)
@@ -367,7 +58,7 @@ static void act(int64_t now_us)
     struct update_board board;
     enum update_state before = self.update.state;
 
-    look(&board, now_us);
+    service_look(&self, &board, now_us);
     switch (update_tick(&self.update, &board, now_us)) {
     case UPDATE_STOP:
         /* Also when it was called off: its server, which doesn't know, would begin again. */
@@ -376,22 +67,22 @@ static void act(int64_t now_us)
             update_hawkbit_pause(now_us);
         }
         self.stopping = true; /* it may take its time */
-        end_installer();
+        service_end_installer(&self);
         break;
     case UPDATE_COMMIT:
-        commit(now_us);
+        service_commit(&self, now_us);
         break;
     case UPDATE_ROLL_BACK:
-        roll_back(now_us);
+        service_roll_back(&self, now_us);
         break;
     case UPDATE_REBOOT:
-        restart_board();
+        service_restart_board(&self);
         break;
     default:
         break;
     }
     if (self.update.state != before) {
-        show();
+        service_show(&self);
     }
 }
 
@@ -421,7 +112,7 @@ static void on_begins(int64_t now_us)
     self.refused[0] = '\0';
     if (!self.beside) {
         update_begins(&self.update, now_us);
-        show();
+        service_show(&self);
     }
 }
 
@@ -439,40 +130,17 @@ static bool is_beside(int64_t now_us)
     return self.beside;
 }
 
-/* The gate is passed, and nothing is written yet that counts. */
-static void begin_record(void)
-{
-    struct update_board board;
-    struct json_object *status = ask(&board);
-
-    memset(&self.record, 0, sizeof(self.record));
-    self.record.slot = self.other;
-    self.record.from_server = self.source == UPDATE_SOURCE_SERVER;
-    self.record.unattended = self.unattended;
-    snprintf(self.record.from, sizeof(self.record.from), "%s", self.version);
-    snprintf(self.record.to, sizeof(self.record.to), "%s", self.update.version);
-    take_channels(status);
-    identify_configuration(self.record.configuration);
-    update_services_read(&self.record.services, SERVICES);
-    json_object_put(status);
-    if (!write_record()) {
-        /* Without a record its trial would pass for one that was given up (was_given_up). */
-        complain("that its version was rolled back before can't be forgotten",
-                 update_forget_back(DATA, self.record.to));
-    }
-}
-
 static void on_progress(int percent, int64_t now_us)
 {
     if (is_beside(now_us) || !self.passed) {
         return;
     }
     if (self.update.state == UPDATE_CHECKING) {
-        begin_record();
+        service_begin_record(&self);
     }
     if (self.update.state != UPDATE_INSTALLING || percent != self.update.percent) {
         update_progress(&self.update, percent, now_us);
-        show();
+        service_show(&self);
     }
 }
 
@@ -489,7 +157,7 @@ static void refuse(const char *why, const char *to)
         update_installer_explain(why, hardware, sentence, sizeof(sentence));
     }
     self.refused[0] = '\0';
-    keep(UPDATE_REFUSED, to, "The update was refused: %s", sentence);
+    service_keep(&self, UPDATE_REFUSED, to, "The update was refused: %s", sentence);
 }
 
 static bool is_trial(const struct update_variables *variables, char slot)
@@ -524,8 +192,8 @@ static void withdraw(void)
 {
     struct update_variables committed = {.slot = self.running};
 
-    complain("the slot's mark can't be withdrawn",
-             update_variables_write(ENVIRONMENT_CONFIG, &committed, UPDATE_REPORT_NOTHING));
+    service_complain("the slot's mark can't be withdrawn",
+                     update_variables_write(ENVIRONMENT_CONFIG, &committed, UPDATE_REPORT_NOTHING));
 }
 
 /* SWUpdate marks the slot before it says so, and may fail or be ended between, or say that all went
@@ -561,7 +229,7 @@ static void on_ends(const char *why, int64_t now_us)
                self.update.version);
         update_ended(&self.update, now_us);
     }
-    show();
+    service_show(&self);
 }
 
 /* Its hawkBit client takes it along, whoever's bundle it writes. What becomes of its own server's
@@ -618,7 +286,7 @@ static void judge_offer(bool unattended, char answer[UPDATE_SENTENCE_SIZE])
     if (answer[0] == '\0' && !self.beside) {
         self.passed = true;
         self.unattended = unattended;
-        show();
+        service_show(&self);
     }
 }
 
@@ -665,8 +333,8 @@ static void explain_fallback(const char *fallback)
 
     update_explain_fallback(self.variables.trial_failed == '\0' ? "" : self.variables.trial_reason,
                             fallback, why, sizeof(why));
-    keep(UPDATE_BACK, self.record.to, "Version %s was rolled back: %s.",
-         self.record.to[0] == '\0' ? "(not known)" : self.record.to, why);
+    service_keep(&self, UPDATE_BACK, self.record.to, "Version %s was rolled back: %s.",
+                 self.record.to[0] == '\0' ? "(not known)" : self.record.to, why);
 }
 
 /* No trial, no restarts: the slot that U-Boot has for the committed one stays that. */
@@ -675,7 +343,7 @@ static void settle(enum update_report report)
     struct update_variables settled = {.slot = self.variables.slot};
     int result = update_variables_write(ENVIRONMENT_CONFIG, &settled, report);
 
-    complain("U-Boot's variables can't be settled", result);
+    service_complain("U-Boot's variables can't be settled", result);
 }
 
 /* Power may have failed between the reason and U-Boot's variables. */
@@ -707,7 +375,7 @@ static void resume(bool first, int64_t now_us)
         if (!recorded && was_given_up()) {
             self.record.from_server = update_result_is_server_s(DATA);
             snprintf(self.reason, sizeof(self.reason), "It failed its trial.");
-            give_up(now_us);
+            service_give_up(&self, now_us);
         }
     } else if (is_trial(variables, self.other) && fallback[0] == '\0') {
         update_version(&self.update, self.record.to); /* installed, not restarted yet */
@@ -722,14 +390,15 @@ static void resume(bool first, int64_t now_us)
             explain_fallback(fallback);
         }
         /* Without a record it was rolled back by us, and what its server is told stands there. */
-        settle(recorded ? report(UPDATE_REPORT_FAILED) : UPDATE_REPORT_AS_IT_IS);
+        settle(recorded ? service_report(&self, UPDATE_REPORT_FAILED) : UPDATE_REPORT_AS_IT_IS);
     } else {
         if (recorded && self.record.slot == self.running) {
-            keep(UPDATE_INSTALLED, self.version, "Version %s is installed.", self.version);
+            service_keep(&self, UPDATE_INSTALLED, self.version, "Version %s is installed.",
+                         self.version);
         } else if (recorded && first) {
             protect_other(true);
-            keep(UPDATE_REFUSED, self.record.to,
-                 "The update was broken off, by power or a restart; nothing has changed.");
+            service_keep(&self, UPDATE_REFUSED, self.record.to,
+                         "The update was broken off, by power or a restart; nothing has changed.");
         }
         if (variables->restarts != 0) {
             settle(UPDATE_REPORT_AS_IT_IS); /* we came up */
@@ -778,7 +447,7 @@ static bool start(bool first, int64_t now_us)
         return false;
     }
     resume(first, now_us);
-    show();
+    service_show(&self);
     return true;
 }
 

@@ -53,6 +53,9 @@ static void model_sync(void);
 #define update_write_result model_write_result
 #define update_write_record model_write_record
 #define main odid_update_main
+#include "update/service_kept.c"
+#include "update/service_trial.c"
+
 #include "update/odid_update_main.c"
 #include "update/update_hawkbit.c"
 #undef main
