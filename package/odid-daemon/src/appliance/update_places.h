@@ -15,7 +15,7 @@
 /* What SWUpdate has unpacked, and verified before it asks. */
 #define DESCRIPTION "/run/swupdate/sw-description"
 /* Not empty where hawkBit is asked for updates. Another file once settings that concern it are
- * saved: SWUpdate is ended for them. */
+ * saved. */
 #define HAWKBIT "/run/swupdate.hawkbit"
 /* While it is there SWUpdate starts without hawkBit, whose server would begin the same again. */
 #define HAWKBIT_PAUSE STATE "/hawkbit-pause"

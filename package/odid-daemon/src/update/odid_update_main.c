@@ -91,6 +91,8 @@ static void on_tick(void *context, int64_t now_us)
     (void)context;
     if (self.update.state != UPDATE_IDLE) {
         act(now_us);
+    } else {
+        update_hawkbit_follow_configuration();
     }
     loop_arm(&self.tick, now_us + SECOND_US);
 }

@@ -152,18 +152,19 @@ static void leave_alone(const char *how, int64_t now_us)
     update_hawkbit_pause(now_us); /* it is about to start */
 }
 
-/* Since it was asked last. */
-static bool is_configured_anew(void)
+void update_hawkbit_follow_configuration(void)
 {
     ino_t before = hawkbit.configured;
 
     hawkbit.configured = configuration_file();
-    return before != 0 && before != hawkbit.configured;
+    if (before != 0 && before != hawkbit.configured) {
+        hawkbit.restart();
+    }
 }
 
 void update_hawkbit_lost(bool broke_off, int64_t now_us)
 {
-    if (is_configured_anew() || !update_hawkbit_is_asked() || is_paused()) {
+    if (!update_hawkbit_is_asked() || is_paused()) {
         return;
     }
     hawkbit.lost = now_us - hawkbit.lost_us < LOST_QUIET_US ? hawkbit.lost + 1 : 1;

@@ -19,6 +19,10 @@
  */
 void update_hawkbit_begin(bool (*is_idle)(void), void (*restart)(void), int64_t now_us);
 
+/* While no update is going on: settings that concern it were saved, and SWUpdate is ended for them.
+ */
+void update_hawkbit_follow_configuration(void);
+
 /* Is a server asked for updates at all? */
 bool update_hawkbit_is_asked(void);
 

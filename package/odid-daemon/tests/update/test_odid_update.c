@@ -550,20 +550,36 @@ static void a_server_that_breaks_off_another_s_update_is_left_alone(void **state
     it_is_said_that_swupdate_ended("in the middle of another's update");
 }
 
-/* For settings that concern it, or by us. */
+/* Another file says how its server is asked. */
+static void settings_of_its_server_s_count_when_no_update_is_going_on(void **state)
+{
+    (void)state;
+    slot_a_runs_1_0_0_and_asks_a_server();
+    pass(5);
+    assert_int_equal(board.ended, 0);
+    written();
+    assert_int_equal(rename(HAWKBIT, "old"), 0); /* another file has another number */
+    put(HAWKBIT, "-u https://elsewhere.example.org\n");
+    pass(5);
+    assert_int_equal(board.ended, 0);
+    on_ends("HASH mismatch", now_us);
+    pass(1);
+    assert_int_equal(board.ended, 1);
+    swupdate_ends(false);
+    pass(5);
+    assert_int_equal(board.ended, 1);
+    assert_int_equal(access(HAWKBIT_PAUSE, F_OK), -1); /* that says nothing of its server */
+}
+
+/* By us. */
 static void an_end_of_swupdate_that_somebody_meant_says_nothing_of_its_server(void **state)
 {
     (void)state;
     slot_a_runs_1_0_0_and_asks_a_server();
     for (unsigned i = 0; i < 5; i++) {
-        put(HAWKBIT, "-u https://updates.example.org\n");
-        swupdate_ends(false);
         end_installer();
         swupdate_ends(false);
     }
-    put(HAWKBIT, "-u https://updates.example.org\n");
-    written();
-    swupdate_ends(true);
     written();
     cancel(answer);
     swupdate_ends(true);
@@ -896,6 +912,7 @@ int main(void)
         cmocka_unit_test_setup(for_a_technician_s_file_no_server_is_left_alone, setup),
         cmocka_unit_test_setup(a_server_that_ends_swupdate_is_left_alone, setup),
         cmocka_unit_test_setup(a_server_that_breaks_off_another_s_update_is_left_alone, setup),
+        cmocka_unit_test_setup(settings_of_its_server_s_count_when_no_update_is_going_on, setup),
         cmocka_unit_test_setup(an_end_of_swupdate_that_somebody_meant_says_nothing_of_its_server,
                                setup),
         cmocka_unit_test_setup(a_channel_that_ends_with_the_new_version_ends_its_trial, setup),
