@@ -11,14 +11,12 @@ COMMON = Path("board/common")
 BOARD = Path("board/qemu")
 EXAMPLE = Path("package/odid-daemon/odid.conf.example")
 EPOCH = "1767225600"            # 2026-01-01: what the volumes' files are dated
-DATA_SIZE = "64M"
 ENVIRONMENT = os.environ | {"SOURCE_DATE_EPOCH": EPOCH, "E2FSPROGS_FAKE_TIME": EPOCH, "TZ": "UTC"}
 
 
-def environment_size():
-    """What U-Boot was configured with; a file of another size it refuses."""
-    text = (COMMON / "u-boot.fragment").read_text(encoding="utf-8")
-    return re.search(r"^CONFIG_ENV_SIZE=(\S+)$", text, re.M).group(1)
+def said_in(name, key):
+    """The value that a file of the board's gives to that."""
+    return re.search(rf"^{key}=(\S+)$", (COMMON / name).read_text(encoding="utf-8"), re.M).group(1)
 
 
 @step
@@ -31,11 +29,11 @@ def disk(out, slot):
     call("mkimage", "-A", "arm64", "-T", "script", "-C", "none", "-n", "boot", "-d",
          COMMON / "boot.cmd", inputs / "boot.scr", env=ENVIRONMENT)
     for name in ("uboot.env", "uboot-redund.env"):
-        call("mkenvimage", "-r", "-s", environment_size(), "-o", inputs / name,
+        call("mkenvimage", "-r", "-s", said_in("u-boot.fragment", "CONFIG_ENV_SIZE"), "-o", inputs / name,
              BOARD / "u-boot.env")
     call("mke2fs", "-q", "-t", "ext4", "-L", "data", "-U", "0d1d2024-0000-4000-8000-000000000008",
          "-E", "hash_seed=0d1d2024-0000-4000-8000-000000000009,lazy_itable_init=0",
-         inputs / "data.ext4", DATA_SIZE, env=ENVIRONMENT)
+         inputs / "data.ext4", said_in("post-image.sh", "data_size"), env=ENVIRONMENT)
     for path in inputs.iterdir():
         os.utime(path, (int(EPOCH), int(EPOCH)))
     text = (COMMON / "genimage.cfg.in").read_text(encoding="utf-8")
