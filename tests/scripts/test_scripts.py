@@ -393,6 +393,8 @@ def test_only_mavlink_router_speaks_to_another_program(appliance):
     assert not re.search(r'[io]ifname[^\n]*\blo\b', rules)
     # And what a packet socket puts on lo has no way yet.
     assert 'iif "lo" ip protocol udp rt ip nexthop >= 0.0.0.0 accept\n\t\tiif "lo" ip protocol udp counter drop\n' in rules
+    for outside in ("rt ip nexthop >= 0.0.0.0", "ip daddr 127.0.0.0/8", "ip saddr 127.0.0.0/8"):
+        assert f"\t\t{outside} counter drop\n" in rules
     assert "-u mavlink:" in appliance.read("etc/sv/mavlink-router/run")
 
 
@@ -438,7 +440,8 @@ grep '^hostapd /run/hostapd' /proc/mounts >/mounted
     assert "\necho -900 >/proc/self/oom_score_adj\n" in appliance.read("etc/sv/hostapd/run"), "else its limit ends nobody"
     # What it makes there, by the thousand or so deep that nobody can take it away, is none of the next one's or anybody else's.
     (mounted,) = appliance.read("mounted").splitlines()
-    assert "size=64k" in mounted and "nr_inodes=16" in mounted and "noexec" in mounted
+    # Made for everybody, it took somebody else's socket in the moment before chmod.
+    assert "mode=700" in mounted and "size=64k" in mounted and "nr_inodes=16" in mounted and "noexec" in mounted
     assert appliance.read("sys/fs/cgroup/hostapd/memory.max").strip() == str(24 << 20)
 
 

@@ -46,11 +46,23 @@ static inline int bench_make(void **state)
     return 0;
 }
 
+static pid_t answering; /* answer_with's, of a test that failed as well; 0: none */
+
+static inline void end_answering(void)
+{
+    if (answering > 0) {
+        kill(answering, SIGKILL);
+        waitpid(answering, NULL, 0);
+        answering = 0;
+    }
+}
+
 static inline int bench_remove(void **state)
 {
     char command[64];
 
     (void)state;
+    end_answering();
     snprintf(command, sizeof(command), "rm -rf %s", folder);
     return chdir("/") < 0 || system(command) != 0;
 }
@@ -59,6 +71,7 @@ static inline int bench_remove(void **state)
 static inline int bench_clear(void **state)
 {
     (void)state;
+    end_answering();
     return system("rm -rf data faults run state volume && "
                   "mkdir -p data/odid data/secrets faults run state volume");
 }
@@ -181,6 +194,7 @@ static inline pid_t answer_with(const char *status)
         }
     }
     close(listener);
+    answering = child;
     return child;
 }
 
@@ -188,6 +202,7 @@ static inline void end(pid_t child)
 {
     kill(child, SIGKILL);
     assert_int_equal(waitpid(child, NULL, 0), child);
+    answering = 0;
     unlink("run/status.sock");
 }
 

@@ -17,6 +17,7 @@
 #include "appliance/places.h"
 #include "appliance/status_fetch.h"
 #include "appliance/wrong.h"
+#include "base/fingerprint.h"
 #include "base/whole_file.h"
 #include "config/config_edit.h"
 #include "config/config_keys.h"
@@ -176,6 +177,38 @@ int settings_get(const struct places *places, char *const names[])
     return fflush(stdout) == 0 ? ODIDCTL_GOOD : ODIDCTL_NOT_GOOD;
 }
 
+/* ---- in force ---- */
+
+static void add_sentence(void *context, enum config_severity severity, const char *sentence)
+{
+    uint64_t *said = context;
+
+    (void)severity;
+    *said = fingerprint(*said, sentence, strlen(sentence) + 1);
+}
+
+int settings_in_force(const struct places *places)
+{
+    uint64_t said = FINGERPRINT_OF_NOTHING;
+    char path[PLACES_PATH_SIZE], saved[20];
+    struct json_object *status, *daemon_s;
+    struct config config;
+    bool same;
+    int error;
+
+    places_config(places, path);
+    config_defaults(&config);
+    config_read_file(&config, path, add_sentence, &said);
+    snprintf(saved, sizeof(saved), "%016" PRIx64, config_fingerprint(&config, said));
+    explicit_bzero(config.maintenance_password, sizeof(config.maintenance_password));
+    status = status_fetch(places->run_dir, &error);
+    daemon_s =
+        json_object_object_get(json_object_object_get(status, "configuration"), "fingerprint");
+    same = daemon_s != NULL && strcmp(json_object_get_string(daemon_s), saved) == 0;
+    json_object_put(status);
+    return same ? ODIDCTL_GOOD : ODIDCTL_NOT_GOOD;
+}
+
 /* ---- set ---- */
 
 /* Of what is wrong since then. before is put back. */
@@ -187,6 +220,10 @@ static int say_effect(const struct places *places, struct json_object *before)
     json_object_put(before);
     if (wrong[0] != '\0') {
         printf("Saved; but since then: %s\n", wrong);
+        return ODIDCTL_HALF_DONE;
+    }
+    if (settings_in_force(places) != ODIDCTL_GOOD) {
+        puts("Saved; but the daemon doesn't run with it.");
         return ODIDCTL_HALF_DONE;
     }
     puts("Saved, and in effect.");
@@ -426,36 +463,4 @@ int settings_set(const struct places *places, const char *name, char *value)
     }
     explicit_bzero(copy, sizeof(copy));
     return result;
-}
-
-/* ---- in force ---- */
-
-static void count_wrong(void *context, enum config_severity severity, const char *sentence)
-{
-    unsigned *wrong = context;
-
-    (void)sentence;
-    *wrong += severity != CONFIG_NOTE;
-}
-
-int settings_in_force(const struct places *places)
-{
-    char path[PLACES_PATH_SIZE], saved[20];
-    struct json_object *status, *daemon_s;
-    struct config config;
-    unsigned wrong = 0;
-    bool same;
-    int error;
-
-    places_config(places, path);
-    config_defaults(&config);
-    config_read_file(&config, path, count_wrong, &wrong);
-    explicit_bzero(config.maintenance_password, sizeof(config.maintenance_password));
-    snprintf(saved, sizeof(saved), "%016" PRIx64, config_fingerprint(&config, wrong));
-    status = status_fetch(places->run_dir, &error);
-    daemon_s =
-        json_object_object_get(json_object_object_get(status, "configuration"), "fingerprint");
-    same = wrong == 0 && daemon_s != NULL && strcmp(json_object_get_string(daemon_s), saved) == 0;
-    json_object_put(status);
-    return same ? ODIDCTL_GOOD : ODIDCTL_NOT_GOOD;
 }

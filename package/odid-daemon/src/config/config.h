@@ -126,11 +126,11 @@ unsigned config_read_environment(struct config *config, const char *(*getenv_fn)
 unsigned config_keep_appliance(struct config *config, config_report_fn *report, void *context);
 
 /*
- * What a file has for odid-daemon, as a number: another one where a value of its sections is
- * another one, whatever the appliance's other programs have theirs. Of a file in which something is
- * wrong 0: the daemon says what, and in which line.
+ * What a file has for odid-daemon, as a number: another one where a value of its sections is, or
+ * what there is to say of the file or of the whole; whatever else it has for the appliance's other
+ * programs. said: fingerprint() of the sentences about the file, FINGERPRINT_OF_NOTHING without.
  */
-uint64_t config_fingerprint(const struct config *config, unsigned wrong);
+uint64_t config_fingerprint(const struct config *config, uint64_t said);
 
 /*
  * Judges the whole, after all sources: identifier formats, missing identity,

@@ -282,9 +282,17 @@ static bool is_of_the_appliance(const struct config_key *key)
     return false;
 }
 
-uint64_t config_fingerprint(const struct config *config, unsigned wrong)
+static void add_sentence(void *context, enum config_severity severity, const char *sentence)
 {
-    uint64_t found = FINGERPRINT_OF_NOTHING;
+    uint64_t *found = context;
+
+    (void)severity;
+    *found = fingerprint(*found, sentence, strlen(sentence) + 1);
+}
+
+uint64_t config_fingerprint(const struct config *config, uint64_t said)
+{
+    uint64_t found = fingerprint(said, &config->classification_set, sizeof(bool));
 
     for (const struct config_key *key = config_keys; key->section != NULL; key++) {
         char shown[2 * CONFIG_PATH_SIZE];
@@ -294,5 +302,6 @@ uint64_t config_fingerprint(const struct config *config, unsigned wrong)
             found = fingerprint(found, shown, strlen(shown) + 1);
         }
     }
-    return wrong > 0 ? 0 : found;
+    config_judge(config, add_sentence, &found);
+    return found;
 }

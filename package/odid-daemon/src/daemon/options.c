@@ -6,6 +6,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "base/fingerprint.h"
 #include "base/log.h"
 #include "config/config_keys.h"
 
@@ -15,6 +16,7 @@ static void report(void *context, enum config_severity severity, const char *sen
 {
     struct options *options = context;
 
+    options->said = fingerprint(options->said, sentence, strlen(sentence) + 1);
     switch (severity) {
     case CONFIG_ERROR:
         options->errors++;
@@ -139,8 +141,9 @@ bool options_read(struct options *options, int argc, char *const argv[])
         return false;
     }
     config_defaults(&options->config);
+    options->said = FINGERPRINT_OF_NOTHING;
     config_read_file(&options->config, file, report, options);
-    options->file = config_fingerprint(&options->config, options->errors + options->warnings);
+    options->file = config_fingerprint(&options->config, options->said);
     config_read_environment(&options->config, environment, report, options);
     if (options->appliance) {
         config_keep_appliance(&options->config, report, options);

@@ -20,6 +20,7 @@ struct options {
     bool appliance;           /* some places are the image's, and the run directory nobody else's */
     uint8_t expected_vehicle; /* MAVLink system id that was the vehicle's at the last power-on; 0:
                                  none */
+    uint64_t said;            /* fingerprint() of the sentences so far */
     uint64_t file;            /* config_fingerprint of the configuration file */
     unsigned errors, warnings;
     unsigned reports; /* sentences kept below, for the status */

@@ -4,6 +4,7 @@
 
 #include <inttypes.h>
 
+#include "base/fingerprint.h"
 #include "config/config.h"
 
 #define CONF "data/odid/odid.conf"
@@ -208,6 +209,31 @@ static void the_password_becomes_a_key(void **state)
                 "0dc0d6eb90555ed6419756b9a15ec3e3209b63df707dd508d14581f8982721af\nThisIsASSID\n");
 }
 
+/* ---- the daemon ---- */
+
+static void add_sentence(void *context, enum config_severity severity, const char *sentence)
+{
+    uint64_t *sentences = context;
+
+    (void)severity;
+    *sentences = fingerprint(*sentences, sentence, strlen(sentence) + 1);
+}
+
+/* It has read that file. */
+static pid_t daemon_with(const char *conf)
+{
+    uint64_t sentences = FINGERPRINT_OF_NOTHING;
+    char status[100];
+    struct config config;
+
+    put("odid.conf", conf);
+    config_defaults(&config);
+    config_read_file(&config, "odid.conf", add_sentence, &sentences);
+    snprintf(status, sizeof(status), "{\"configuration\": {\"fingerprint\": \"%016" PRIx64 "\"}}",
+             config_fingerprint(&config, sentences));
+    return answer_with(status);
+}
+
 /* ---- making it count ---- */
 
 static void put_apply(const char *script)
@@ -226,7 +252,7 @@ static void it_is_applied_unless_armed(void **state)
 
     /* The daemon answers, and no autopilot was heard: disarmed. */
     keep_armed("unheard");
-    daemon = answer_with(ANSWER);
+    daemon = daemon_with("; nothing\n");
     assert_int_equal(CALL("set", "wifi.channel", "1"), 0);
     assert_string_equal(said, "Saved, and in effect.\n");
     expect_file("applied", "applied\n");
@@ -253,7 +279,7 @@ static void it_is_applied_unless_armed(void **state)
     assert_non_null(strstr(said, "after the next power-on"));
     expect_file("applied", "applied\napplied\n");
     keep_armed("no");
-    daemon = answer_with(ANSWER);
+    daemon = daemon_with("; nothing\n");
 
     /* It is looked whether it did any good: what was wrong before isn't its doing. */
     put("faults/old", "Something is wrong for 3 s.\n");
@@ -264,6 +290,11 @@ static void it_is_applied_unless_armed(void **state)
     assert_int_equal(CALL("set", "broadcast.wifi_iface", "wlan7"), 4);
     assert_string_equal(said, "Saved; but since then: wlan7 is not there.\n");
 
+    /* Nobody saw to it. */
+    put_apply("#!/bin/sh\n");
+    assert_int_equal(CALL("set", "self_id.description", "Search"), 4);
+    assert_string_equal(said, "Saved; but the daemon doesn't run with it.\n");
+
     put_apply("#!/bin/sh\nexit 3\n");
     assert_int_equal(CALL("set", "wifi.channel", "6"), 4);
     assert_non_null(strstr(said, "saved, but ./apply failed"));
@@ -273,27 +304,6 @@ static void it_is_applied_unless_armed(void **state)
 }
 
 /* ---- what the daemon runs with ---- */
-
-static void ignore_sentence(void *context, enum config_severity severity, const char *sentence)
-{
-    (void)context;
-    (void)severity;
-    (void)sentence;
-}
-
-/* It has read that file. */
-static pid_t daemon_with(const char *conf)
-{
-    char status[100];
-    struct config config;
-
-    put("read.conf", conf);
-    config_defaults(&config);
-    config_read_file(&config, "read.conf", ignore_sentence, NULL);
-    snprintf(status, sizeof(status), "{\"configuration\": {\"fingerprint\": \"%016" PRIx64 "\"}}",
-             config_fingerprint(&config, 0));
-    return answer_with(status);
-}
 
 static void what_the_daemon_runs_with(void **state)
 {
@@ -312,6 +322,9 @@ static void what_the_daemon_runs_with(void **state)
     assert_int_equal(CALL("in-force"), 0);
     put(CONF, BEGIN "[wifi]\nchanel = 11\n"); /* it has to say that */
     assert_int_equal(CALL("in-force"), 1);
+    end(daemon);
+    daemon = daemon_with(BEGIN "[wifi]\nchanel = 11\n");
+    assert_int_equal(CALL("in-force"), 0);
     end(daemon);
     put(CONF, BEGIN);
     daemon = answer_with(ANSWER); /* an older one, which doesn't say */
