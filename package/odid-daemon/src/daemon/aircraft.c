@@ -27,7 +27,7 @@ struct aircraft *aircraft_init(const struct config *config, int64_t start_us)
     aircraft.separation_m = NAN;
     aircraft.telemetry.fix_us = aircraft.position_boot_us = INT64_MIN;
     aircraft.waiting_position.came_us = aircraft.waiting_time.came_us = INT64_MIN;
-    aircraft.native.fix_us = INT64_MIN;
+    aircraft.native.fix_us = aircraft.last.fix_us = INT64_MIN;
     aircraft.native_location.said_us = INT64_MIN;
     aircraft.native_rated_us = aircraft.native_behind_us = INT64_MIN;
     aircraft.telemetry_rate.last_us = aircraft.native_rate.last_us = INT64_MIN;
@@ -414,4 +414,5 @@ void aircraft_update(struct aircraft *aircraft, const struct telemetry_update *u
         break;
     }
     look_whether_it_flies(aircraft, now_us);
+    aircraft_keep_location(aircraft, now_us);
 }

@@ -2,6 +2,7 @@
 #include <common/mavlink.h>
 #include <math.h>
 #include <opendroneid.h>
+#include <string.h>
 
 #include "daemon/aircraft_state.h"
 
@@ -90,7 +91,7 @@ static void fill_from_telemetry(const struct aircraft *aircraft, int64_t now_us,
                                 struct aircraft_location *out)
 {
     const struct aircraft_receiver *receiver = aircraft_receiver(aircraft, now_us);
-    bool apart = aircraft_altitude_is_apart(aircraft, &aircraft->telemetry, now_us);
+    bool apart = aircraft_altitude_is_apart(&aircraft->telemetry, now_us);
 
     if (isnan(out->altitude_geodetic_m) && !apart) {
         out->altitude_geodetic_m = aircraft_geodetic_m(aircraft, &aircraft->telemetry);
@@ -99,9 +100,8 @@ static void fill_from_telemetry(const struct aircraft *aircraft, int64_t now_us,
         out->height_m = aircraft_height_m(aircraft);
         out->height_above_ground = false;
     }
-    /* Accuracies go with the fix: a filter that coasts has others, and a place of before has not
-     * the receiver's of now. */
-    if (receiver == NULL || !aircraft_fresh(aircraft->telemetry.fix_us, now_us)) {
+    /* Accuracies go with the fix: a filter that coasts has others. */
+    if (receiver == NULL) {
         return;
     }
     if (out->horizontal_accuracy == 0) {
@@ -116,7 +116,7 @@ static void fill_from_native(const struct aircraft *aircraft, int64_t now_us,
                              struct aircraft_location *out)
 {
     const struct aircraft_native_location *native = &aircraft->native_location;
-    bool apart = aircraft_altitude_is_apart(aircraft, &aircraft->native, now_us);
+    bool apart = aircraft_altitude_is_apart(&aircraft->native, now_us);
 
     out->altitude_barometric_m = native->altitude_barometric_m; /* telemetry has none */
     out->barometer_accuracy = native->counted.location.barometer_accuracy;
@@ -128,7 +128,7 @@ static void fill_from_native(const struct aircraft *aircraft, int64_t now_us,
         out->height_above_ground =
             native->counted.location.height_reference == MAV_ODID_HEIGHT_REF_OVER_GROUND;
     }
-    if (!aircraft_fix_known(aircraft, now_us) || !aircraft_fresh(aircraft->native.fix_us, now_us)) {
+    if (!aircraft_fix_known(aircraft, now_us)) {
         return;
     }
     if (out->horizontal_accuracy == 0) {
@@ -145,8 +145,7 @@ static void view_telemetry_position(const struct aircraft *aircraft, int64_t now
     out->position_source = SOURCE_TELEMETRY;
     out->timestamp_s = hour_seconds_at(aircraft, aircraft->telemetry.fix_us);
     fill_from_telemetry(aircraft, now_us, out);
-    /* While its own position counts: what is said of now doesn't belong to a place of before. */
-    if (aircraft_fresh(aircraft->native.fix_us, now_us)) {
+    if (aircraft_fix_counts(&aircraft->native, now_us)) {
         fill_from_native(aircraft, now_us, out);
     }
 }
@@ -162,29 +161,15 @@ static void view_native_position(const struct aircraft *aircraft, int64_t now_us
         out->timestamp_accuracy = native->counted.location.timestamp_accuracy;
     }
     fill_from_native(aircraft, now_us, out);
-    if (aircraft_fresh(aircraft->telemetry.fix_us, now_us)) {
+    if (aircraft_fix_counts(&aircraft->telemetry, now_us)) {
         fill_from_telemetry(aircraft, now_us, out);
     }
 }
 
-static void view_position(const struct aircraft *aircraft, int64_t now_us,
-                          struct aircraft_location *out)
+static void view_fix(const struct aircraft *aircraft, const struct aircraft_fix *fix,
+                     int64_t now_us, struct aircraft_location *out)
 {
-    const struct aircraft_fix *fix = aircraft_best_fix(aircraft, now_us);
-
-    out->position_fresh = fix != NULL;
-    if (fix == NULL && !isnan(aircraft->config->bench_latitude_deg)) {
-        out->position_source = SOURCE_CONFIGURATION;
-        out->latitude_deg = aircraft->config->bench_latitude_deg;
-        out->longitude_deg = aircraft->config->bench_longitude_deg;
-        return;
-    }
-    if (fix == NULL) {
-        fix = aircraft_last_fix(aircraft);
-    }
-    if (fix == NULL || now_us - fix->fix_us > POSITION_KEPT_US) {
-        return;
-    }
+    out->position_fresh = true;
     out->fix_us = fix->fix_us;
     out->latitude_deg = fix->latitude_deg;
     out->longitude_deg = fix->longitude_deg;
@@ -196,6 +181,57 @@ static void view_position(const struct aircraft *aircraft, int64_t now_us,
     if (fabs(out->altitude_barometric_m - out->altitude_geodetic_m) > PRESSURE_DIFFERS_M) {
         out->altitude_barometric_m = NAN; /* no weather does that */
         out->barometer_accuracy = 0;
+    }
+}
+
+static void know_nothing(struct aircraft_location *out)
+{
+    memset(out, 0, sizeof(*out));
+    out->fix_us = INT64_MIN;
+    out->latitude_deg = out->longitude_deg = NAN;
+    out->altitude_barometric_m = out->altitude_geodetic_m = out->height_m = NAN;
+    out->direction_deg = out->speed_mps = out->vertical_speed_mps = NAN;
+    out->timestamp_s = NAN;
+}
+
+/* One that came too late to count. */
+static bool is_newer(const struct aircraft *aircraft, const struct aircraft_fix *fix)
+{
+    return fix->fix_us > aircraft->last.fix_us && fix->apart_us == INT64_MIN;
+}
+
+void aircraft_keep_location(struct aircraft *aircraft, int64_t now_us)
+{
+    const struct aircraft_fix *fix = aircraft_best_fix(aircraft, now_us);
+
+    if (fix == NULL && is_newer(aircraft, &aircraft->native)) {
+        fix = &aircraft->native;
+    } else if (fix == NULL && is_newer(aircraft, &aircraft->telemetry)) {
+        fix = &aircraft->telemetry;
+    }
+    if (fix == NULL) {
+        return;
+    }
+    know_nothing(&aircraft->last);
+    view_fix(aircraft, fix, now_us, &aircraft->last);
+    aircraft->last.position_fresh = false;
+    aircraft->last.horizontal_accuracy = aircraft->last.vertical_accuracy = 0;
+}
+
+static void view_position(const struct aircraft *aircraft, int64_t now_us,
+                          struct aircraft_location *out)
+{
+    const struct aircraft_fix *fix = aircraft_best_fix(aircraft, now_us);
+
+    if (fix != NULL) {
+        view_fix(aircraft, fix, now_us, out);
+    } else if (!isnan(aircraft->config->bench_latitude_deg)) {
+        out->position_source = SOURCE_CONFIGURATION;
+        out->latitude_deg = aircraft->config->bench_latitude_deg;
+        out->longitude_deg = aircraft->config->bench_longitude_deg;
+    } else if (aircraft->last.fix_us != INT64_MIN &&
+               now_us - aircraft->last.fix_us <= POSITION_KEPT_US) {
+        *out = aircraft->last;
     }
 }
 
@@ -243,9 +279,8 @@ static void fill_motion_from_native(const struct aircraft *aircraft, struct airc
 static void view_motion(const struct aircraft *aircraft, int64_t now_us,
                         struct aircraft_location *out)
 {
-    bool telemetry = aircraft_fresh(aircraft->telemetry.fix_us, now_us);
-    bool native = aircraft_fresh(aircraft->native.fix_us, now_us) &&
-                  native_motion_known(aircraft) &&
+    bool telemetry = aircraft_fix_counts(&aircraft->telemetry, now_us);
+    bool native = aircraft_fix_counts(&aircraft->native, now_us) && native_motion_known(aircraft) &&
                   (!telemetry || out->position_source == SOURCE_NATIVE);
 
     if (native) {
@@ -262,11 +297,7 @@ static void view_motion(const struct aircraft *aircraft, int64_t now_us,
 void aircraft_view_location(const struct aircraft *aircraft, int64_t now_us,
                             struct aircraft_location *out)
 {
-    out->fix_us = INT64_MIN;
-    out->latitude_deg = out->longitude_deg = NAN;
-    out->altitude_barometric_m = out->altitude_geodetic_m = out->height_m = NAN;
-    out->direction_deg = out->speed_mps = out->vertical_speed_mps = NAN;
-    out->timestamp_s = NAN;
+    know_nothing(out);
     view_position(aircraft, now_us, out);
     view_motion(aircraft, now_us, out);
     aircraft_view_status(aircraft, now_us, out);

@@ -111,29 +111,23 @@ static bool native_was_there(const struct aircraft *aircraft, int64_t now_us)
            until_us - since_us >= BEHIND_KEPT_US;
 }
 
+bool aircraft_fix_counts(const struct aircraft_fix *fix, int64_t now_us)
+{
+    return aircraft_fresh(fix->fix_us, now_us) && !aircraft_is_apart(fix, now_us);
+}
+
 const struct aircraft_fix *aircraft_best_fix(const struct aircraft *aircraft, int64_t now_us)
 {
     const struct aircraft_fix *native = &aircraft->native, *telemetry = &aircraft->telemetry;
-    bool native_fresh =
-        aircraft_fresh(native->fix_us, now_us) && !aircraft_is_apart(aircraft, native, now_us);
+    bool native_counts = aircraft_fix_counts(native, now_us);
 
-    if (!aircraft_fresh(telemetry->fix_us, now_us) ||
-        aircraft_is_apart(aircraft, telemetry, now_us)) {
-        return native_fresh ? native : NULL;
+    if (!aircraft_fix_counts(telemetry, now_us)) {
+        return native_counts ? native : NULL;
     }
-    return native_fresh && native_was_there(aircraft, now_us) &&
+    return native_counts && native_was_there(aircraft, now_us) &&
                    (aircraft->native_keeps_up || native->fix_us - telemetry->fix_us > LOST_US)
                ? native
                : telemetry;
-}
-
-const struct aircraft_fix *aircraft_last_fix(const struct aircraft *aircraft)
-{
-    const struct aircraft_fix *native = &aircraft->native, *telemetry = &aircraft->telemetry;
-
-    return native->fix_us > telemetry->fix_us ? native
-           : telemetry->fix_us != INT64_MIN   ? telemetry
-                                              : NULL;
 }
 
 double aircraft_geodetic_m(const struct aircraft *aircraft, const struct aircraft_fix *fix)
@@ -165,11 +159,14 @@ static void count(struct aircraft_rate *rate, int64_t now_us)
     rate->last_us = now_us;
 }
 
-static void move_to(struct aircraft_fix *fix, double latitude_deg, double longitude_deg,
-                    int64_t now_us)
+static void move_to(const struct aircraft *aircraft, struct aircraft_fix *fix, double latitude_deg,
+                    double longitude_deg, int64_t now_us)
 {
     if (fix->latitude_deg != latitude_deg || fix->longitude_deg != longitude_deg) {
         fix->moved_us = now_us;
+        if (aircraft_receiver(aircraft, now_us) == NULL) {
+            fix->apart_us = fix->high_us = INT64_MIN; /* no receiver contradicts this one */
+        }
     }
     fix->latitude_deg = latitude_deg;
     fix->longitude_deg = longitude_deg;
@@ -201,8 +198,8 @@ bool aircraft_confirm_position(struct aircraft *aircraft, int64_t now_us)
         aircraft->telemetry_since_us = now_us;
     }
     fix->fix_us = waiting->stamped_us;
-    move_to(fix, update->global_position.latitude_deg, update->global_position.longitude_deg,
-            now_us);
+    move_to(aircraft, fix, update->global_position.latitude_deg,
+            update->global_position.longitude_deg, now_us);
     if (fix->altitude_msl_m != update->global_position.altitude_msl_m) {
         fix->climbed_us = now_us;
     }
@@ -360,8 +357,8 @@ bool aircraft_take_location(struct aircraft *aircraft, const struct telemetry_up
     native->altitude_barometric_m = update->location.altitude_barometric_m;
     correct_px4(aircraft, native);
     aircraft->native.fix_us = instant_us;
-    move_to(&aircraft->native, update->location.latitude_deg, update->location.longitude_deg,
-            now_us);
+    move_to(aircraft, &aircraft->native, update->location.latitude_deg,
+            update->location.longitude_deg, now_us);
     aircraft->native.altitude_msl_m = NAN;
     count(&aircraft->native_rate, now_us);
     compare(aircraft, now_us);

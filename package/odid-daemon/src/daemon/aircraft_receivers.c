@@ -26,6 +26,15 @@
 
 enum { TELEMETRY, NATIVE };
 
+/* Nobody says any more whether it is right. */
+static void forget_contradicted(struct aircraft_fix *fix)
+{
+    if (fix->apart_us != INT64_MIN) {
+        fix->fix_us = INT64_MIN;
+    }
+    fix->apart_us = fix->high_us = INT64_MIN;
+}
+
 void aircraft_forget_receivers(struct aircraft *aircraft)
 {
     for (unsigned i = 0; i < AIRCRAFT_RECEIVERS; i++) {
@@ -34,8 +43,8 @@ void aircraft_forget_receivers(struct aircraft *aircraft)
             INT64_MIN;
     }
     aircraft->no_fix_us = INT64_MIN;
-    aircraft->telemetry.apart_us = aircraft->native.apart_us = INT64_MIN;
-    aircraft->telemetry.high_us = aircraft->native.high_us = INT64_MIN;
+    forget_contradicted(&aircraft->telemetry);
+    forget_contradicted(&aircraft->native);
 }
 
 static bool is_near(const struct aircraft_receiver *receiver, int64_t now_us)
@@ -143,25 +152,24 @@ static void compare_altitude(const struct aircraft *aircraft,
     }
 }
 
-static bool lasts(const struct aircraft *aircraft, int64_t apart_us, int64_t moved_us,
+/* A receiver that falls silent takes nothing back. */
+static bool lasts(const struct aircraft_fix *fix, int64_t apart_us, int64_t moved_us,
                   int64_t now_us)
 {
     int64_t limit_us = now_us - moved_us > STILL_US ? STILL_APART_US : APART_US;
 
-    return apart_us != INT64_MIN && now_us - apart_us >= limit_us &&
-           aircraft_receiver(aircraft, now_us) != NULL;
+    return aircraft_fresh(fix->fix_us, now_us) && apart_us != INT64_MIN &&
+           now_us - apart_us >= limit_us;
 }
 
-bool aircraft_is_apart(const struct aircraft *aircraft, const struct aircraft_fix *fix,
-                       int64_t now_us)
+bool aircraft_is_apart(const struct aircraft_fix *fix, int64_t now_us)
 {
-    return lasts(aircraft, fix->apart_us, fix->moved_us, now_us);
+    return lasts(fix, fix->apart_us, fix->moved_us, now_us);
 }
 
-bool aircraft_altitude_is_apart(const struct aircraft *aircraft, const struct aircraft_fix *fix,
-                                int64_t now_us)
+bool aircraft_altitude_is_apart(const struct aircraft_fix *fix, int64_t now_us)
 {
-    return lasts(aircraft, fix->high_us, fix->climbed_us, now_us);
+    return lasts(fix, fix->high_us, fix->climbed_us, now_us);
 }
 
 /* One that hangs, or its driver, repeats its last fix with the time that it had. */

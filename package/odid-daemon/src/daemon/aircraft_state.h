@@ -159,7 +159,8 @@ struct aircraft {
     int64_t native_behind_us;
     int64_t native_rated_us; /* its position had a time and an accuracy: it has a fix */
     struct aircraft_native_location native_location;
-    int64_t telemetry_since_us; /* plain telemetry's positions come without a break */
+    int64_t telemetry_since_us;    /* plain telemetry's positions come without a break */
+    struct aircraft_location last; /* said when no fix counts; fix_us INT64_MIN: nothing */
     unsigned leap_seen;
     double leap_ahead_s, leap_s;
 
@@ -201,11 +202,11 @@ bool aircraft_waits(const struct aircraft_waiting *waiting, int64_t now_us);
 /* Is it known, and not for more than 3 s, that the autopilot has a GNSS fix? */
 bool aircraft_fix_known(const struct aircraft *aircraft, int64_t now_us);
 
-/* The fresh position of the source that speaks; NULL when none is fresh. */
+/* The position that counts of the source that speaks; NULL when none counts. */
 const struct aircraft_fix *aircraft_best_fix(const struct aircraft *aircraft, int64_t now_us);
 
-/* The newest position that there ever was; NULL when there was none. */
-const struct aircraft_fix *aircraft_last_fix(const struct aircraft *aircraft);
+/* Is it fresh, and not where its receiver isn't? */
+bool aircraft_fix_counts(const struct aircraft_fix *fix, int64_t now_us);
 
 /* Altitude above the WGS-84 ellipsoid of a fix of ours; NAN when unknown. */
 double aircraft_geodetic_m(const struct aircraft *aircraft, const struct aircraft_fix *fix);
@@ -230,13 +231,11 @@ void aircraft_forget_receivers(struct aircraft *aircraft);
 const struct aircraft_receiver *aircraft_receiver(const struct aircraft *aircraft, int64_t now_us);
 /* Does any of them say anything, if only that it has none? */
 bool aircraft_receivers_heard(const struct aircraft *aircraft, int64_t now_us);
-/* A receiver flies on, and this position has stayed somewhere else for 12 s; for 3 s where it
- * stands still. */
-bool aircraft_is_apart(const struct aircraft *aircraft, const struct aircraft_fix *fix,
-                       int64_t now_us);
+/* A receiver flies on, and this position, while it is fresh, has stayed somewhere else for 12 s;
+ * for 3 s where it stands still. */
+bool aircraft_is_apart(const struct aircraft_fix *fix, int64_t now_us);
 /* The same of its altitude. */
-bool aircraft_altitude_is_apart(const struct aircraft *aircraft, const struct aircraft_fix *fix,
-                                int64_t now_us);
+bool aircraft_altitude_is_apart(const struct aircraft_fix *fix, int64_t now_us);
 
 /* ---- aircraft_takeoff.c ---- */
 
@@ -309,6 +308,10 @@ void aircraft_compare_altitudes(struct aircraft *aircraft, int64_t now_us);
 
 /* Is the native altitude another one than telemetry's? Then it doesn't count. */
 bool aircraft_altitudes_differ(const struct aircraft *aircraft, int64_t now_us);
+
+/* With whatever came. When no fix counts any more, the place of the last one that did is said, or
+ * of a newer one that came late and that no receiver contradicts. */
+void aircraft_keep_location(struct aircraft *aircraft, int64_t now_us);
 
 /* The Location to broadcast now. */
 void aircraft_view_location(const struct aircraft *aircraft, int64_t now_us,

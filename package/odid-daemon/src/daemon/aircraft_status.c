@@ -64,7 +64,7 @@ static double height_m(const struct aircraft *aircraft, int64_t now_us)
     }
     /* Armed: above the take-off point, or unknown. */
     telemetry_m = aircraft_fresh(aircraft->telemetry.fix_us, now_us) &&
-                          !aircraft_altitude_is_apart(aircraft, &aircraft->telemetry, now_us)
+                          !aircraft_altitude_is_apart(&aircraft->telemetry, now_us)
                       ? aircraft_height_m(aircraft)
                       : NAN;
     return isnan(telemetry_m) && aircraft_native_fresh(aircraft, now_us) ? native_height_m(aircraft)

@@ -305,11 +305,10 @@ void aircraft_condition(const struct aircraft *aircraft, int64_t now_us,
         now_us);
     condition->vertical_inverted = aircraft->vertical.inverted;
     condition->fix_known = aircraft_fix_known(aircraft, now_us);
-    condition->apart = aircraft_is_apart(aircraft, &aircraft->telemetry, now_us) ||
-                       aircraft_is_apart(aircraft, &aircraft->native, now_us);
-    condition->altitude_apart =
-        aircraft_altitude_is_apart(aircraft, &aircraft->telemetry, now_us) ||
-        aircraft_altitude_is_apart(aircraft, &aircraft->native, now_us);
+    condition->apart = aircraft_is_apart(&aircraft->telemetry, now_us) ||
+                       aircraft_is_apart(&aircraft->native, now_us);
+    condition->altitude_apart = aircraft_altitude_is_apart(&aircraft->telemetry, now_us) ||
+                                aircraft_altitude_is_apart(&aircraft->native, now_us);
     condition->altitudes_differ = aircraft_altitudes_differ(aircraft, now_us);
     condition->landed_state_wrong = aircraft->landed_wrong;
     condition->simulated = aircraft->simulated;

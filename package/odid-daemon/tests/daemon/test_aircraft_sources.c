@@ -419,27 +419,100 @@ static void a_fix_that_is_lost_is_lost_for_the_native_position_too(void **state)
     assert_true(condition.fix_known);
 }
 
-/* An estimator that stands still, with a time that moves on, and a receiver that flies. */
-static void a_place_where_its_receiver_is_not_does_not_count(void **state)
+/* As a place of before: with its own time, and nothing that is true now. */
+static void assert_last(double latitude_deg, int64_t fix_us)
 {
-    (void)state;
+    assert_false(view.location.position_fresh);
+    assert_near(view.location.latitude_deg, latitude_deg);
+    assert_true(view.location.fix_us == fix_us);
+    assert_true(hour_apart_s(view.location.timestamp_s, true_hour_s(fix_us)) < 0.1);
+    assert_int_equal(view.location.horizontal_accuracy, 0);
+    assert_int_equal(view.location.vertical_accuracy, 0);
+    assert_int_equal(view.location.speed_accuracy, 0);
+    assert_unknown(view.location.speed_mps);
+    assert_unknown(view.location.direction_deg);
+    assert_unknown(view.location.vertical_speed_mps);
+    assert_int_equal(view.location.motion_source, SOURCE_NONE);
+}
+
+/* An estimator that stands still, with a time that moves on, and a receiver that flies. */
+static int64_t hang_while_the_receiver_flies(void)
+{
+    int64_t counted_us = 0;
+
     sim.gps_latitude_deg = sim.latitude_deg;
     sim.gps_longitude_deg = sim.longitude_deg;
+    sim.north_mps = 10;
     fly(10);
     for (unsigned i = 0; i < 100; i++) {
         fly(0.1);
         sim.gps_latitude_deg += 1.0 / 111320; /* 10 m/s */
+        counted_us = view.location.position_fresh ? view.location.fix_us : counted_us;
         if (i < 60) {
             assert_true(view.location.position_fresh);
         } else if (i > 80) {
-            assert_false(view.location.position_fresh);
+            assert_last(sim.latitude_deg, counted_us);
             assert_true(condition.apart);
             assert_int_equal(view.location.status, AIRCRAFT_REMOTE_ID_FAILURE);
         }
     }
+    return counted_us;
+}
+
+static void a_place_where_its_receiver_is_not_does_not_count(void **state)
+{
+    int64_t counted_us;
+
+    (void)state;
+    counted_us = hang_while_the_receiver_flies();
+    sim.system_status = MAV_STATE_EMERGENCY;
+    fly(1);
+    assert_int_equal(view.location.status, AIRCRAFT_EMERGENCY);
+    assert_last(sim.latitude_deg, counted_us);
     sim.latitude_deg = sim.gps_latitude_deg;
     fly(1.2);
     assert_true(view.location.position_fresh);
+    assert_false(condition.apart);
+}
+
+/* It says nothing any more, or that it has no fix: it takes nothing back. */
+static void a_place_that_was_contradicted_does_not_come_back_by_silence(void **state)
+{
+    (void)state;
+    for (unsigned round = 0; round < 3; round++) {
+        int64_t counted_us;
+
+        begin();
+        counted_us = hang_while_the_receiver_flies();
+        sim.gps = round == 1;
+        sim.fix_type = GPS_FIX_TYPE_NO_FIX;
+        for (unsigned i = 0; i < 100; i++) {
+            fly(0.1);
+            assert_last(sim.latitude_deg, counted_us);
+            if (round == 2 && i == 0) { /* nor by the autopilot's restart */
+                sim.boot_at_us = now_us;
+            }
+        }
+    }
+}
+
+/* A camera goes on where a receiver was wrong, and is gone; the native LOCATION says that there is
+ * a fix. */
+static void a_place_that_moves_on_without_its_receiver_counts(void **state)
+{
+    (void)state;
+    hang_while_the_receiver_flies();
+    sim.gps = false;
+    for (unsigned i = 0; i < 60; i++) {
+        struct telemetry_update rated = native_of(now_us);
+
+        rated.location.latitude_deg = rated.location.longitude_deg = NAN;
+        give(&rated);
+        sim.latitude_deg += i < 30 ? 0 : 0.00001;
+        fly(0.2);
+        assert_int_equal(view.location.position_fresh, i >= 30);
+    }
+    assert_true(from_telemetry());
     assert_false(condition.apart);
 }
 
@@ -647,6 +720,9 @@ int main(void)
         cmocka_unit_test_setup(a_second_receivers_fix_is_one, begin_setup),
         cmocka_unit_test_setup(a_fix_that_is_lost_is_lost_for_the_native_position_too, begin_setup),
         cmocka_unit_test_setup(a_place_where_its_receiver_is_not_does_not_count, begin_setup),
+        cmocka_unit_test_setup(a_place_that_was_contradicted_does_not_come_back_by_silence,
+                               begin_setup),
+        cmocka_unit_test_setup(a_place_that_moves_on_without_its_receiver_counts, begin_setup),
         cmocka_unit_test_setup(a_position_is_near_where_any_receiver_is, begin_setup),
         cmocka_unit_test_setup(a_receiver_that_jumps_away_for_a_while_is_not_believed, begin_setup),
         cmocka_unit_test_setup(a_receiver_is_near_enough, begin_setup),
