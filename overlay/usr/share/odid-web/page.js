@@ -458,7 +458,7 @@ async function showFlights() {
     fill($("flight-list"), ...flights.map((flight) => {
       const name = String(flight.number).padStart(5, "0");
       const text = `${flight.duration_s === null ? "" : duration(flight.duration_s)}` +
-        `${flight.armed_s ? `, armed ${duration(flight.armed_s)}` : ", never armed"}`;
+        `${flight.armed_s ? `, armed ${duration(flight.armed_s)}` : flight.untold_s ? "" : ", never armed"}`;
       return element("li", {}, element("strong", {}, `${flight.number}: ${flight.start_utc ? when(flight.start_utc) : "clock unknown"}`),
         element("div", {}, sentence(flight.verdict)), element("div", { className: "hint" }, text),
         element("a", { href: `api/flights/${name}.jsonl`, download: `flight-${name}.jsonl` }, `Download record ${flight.number}`));

@@ -156,6 +156,20 @@ static void append_bounds(char sentence[FLIGHT_SENTENCE_SIZE], const struct flig
     }
 }
 
+/* It may have flown then. */
+static void judge_unarmed(char sentence[FLIGHT_SENTENCE_SIZE], const struct recorder_flight *record)
+{
+    char lasted[32];
+
+    if (record->totals.untold_us > 0) {
+        duration_text(lasted, sizeof(lasted), seconds(record->totals.untold_us));
+        append(sentence, "nobody said for %s whether it was armed", lasted);
+    } else {
+        append(sentence, "never armed");
+    }
+    append(sentence, "%s", flight_first_us(record) == INT64_MIN ? ", and never on the air" : "");
+}
+
 static void judge_flight(char sentence[FLIGHT_SENTENCE_SIZE], const struct recorder_flight *record)
 {
     unsigned required = 0, whole = 0, never = 0;
@@ -200,9 +214,7 @@ void flight_judge(char sentence[FLIGHT_SENTENCE_SIZE], const struct flight *flig
     } else if (record->totals.armed_since_us != INT64_MIN) {
         append(sentence, "just armed");
         append_bounds(sentence, flight);
-    } else if (flight_first_us(record) == INT64_MIN) {
-        append(sentence, "never armed, and never on the air");
     } else {
-        append(sentence, "never armed");
+        judge_unarmed(sentence, record);
     }
 }

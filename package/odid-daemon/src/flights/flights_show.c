@@ -241,16 +241,21 @@ static void print_detail_channel(FILE *out, const struct recorder_flight *record
 static void print_summary(FILE *out, const struct flight *flight)
 {
     const struct recorder_flight *record = &flight->record;
-    char when[WHEN_SIZE], lasted[CELL_SIZE], armed[CELL_SIZE];
+    char when[WHEN_SIZE], lasted[CELL_SIZE], armed[CELL_SIZE], untold[CELL_SIZE];
 
     format_start(when, record, true);
     format_span(lasted, record->last_us);
     format_span(armed, record->totals.armed_us);
+    format_span(untold, record->totals.untold_us);
     fprintf(out, "  %-12s %s, recorded from %.1f s after it\n", "Power-on", when,
             seconds(record->start_us));
     fprintf(out, "  %-12s %s, %s%s\n", "Lasted", lasted,
-            record->totals.armed_us > 0 ? "armed " : "never armed",
-            record->totals.armed_us > 0 ? armed : "");
+            record->totals.armed_us > 0    ? "armed "
+            : record->totals.untold_us > 0 ? "whether armed was not said for "
+                                           : "never armed",
+            record->totals.armed_us > 0    ? armed
+            : record->totals.untold_us > 0 ? untold
+                                           : "");
     fprintf(out, "  %-12s odid-daemon %s, image %s\n", "Software", record->version, record->image);
     for (enum channel channel = 0; channel < CHANNELS; channel++) {
         print_detail_channel(out, record, channel);
@@ -327,6 +332,7 @@ static struct json_object *flight_json(const struct flight *flight)
     add_seconds(object, "duration_s", record->last_us);
     add_seconds(object, "armed_s", record->totals.armed_us);
     add_seconds(object, "unwatched_s", record->totals.unwatched_us);
+    add_seconds(object, "untold_s", record->totals.untold_us);
     add_seconds(object, "first_broadcast_s", flight_first_us(record));
     json_object_object_add(object, "channels", channels);
     for (enum channel channel = 0; channel < CHANNELS; channel++) {

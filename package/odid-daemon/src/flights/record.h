@@ -51,6 +51,7 @@ struct recorder_totals {
     enum recorder_began began;         /* armed: its flight began before the record */
     int64_t armed_us;                  /* the time armed, all together */
     int64_t unwatched_us;              /* of it: nobody looked, for some seconds each time */
+    int64_t untold_us;                 /* not armed as far as is known, and nobody said whether */
     unsigned faults, armed_faults;     /* all; those that were there while armed */
     unsigned restarts, armed_restarts; /* of the daemon; those while armed */
     int64_t fault_us[RECORDER_KINDS];  /* while armed */

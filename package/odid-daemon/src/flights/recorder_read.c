@@ -31,6 +31,7 @@ static void take_totals(struct recorder_flight *flight, struct json_object *line
     totals->began = take_began(line);
     totals->armed_us = recorder_json_us(line, "armed_s", 0);
     totals->unwatched_us = recorder_json_us(line, "unwatched_s", 0);
+    totals->untold_us = recorder_json_us(line, "untold_s", 0);
     totals->faults = recorder_json_count(line, "faults");
     totals->armed_faults = recorder_json_count(line, "armed_faults");
     totals->restarts = recorder_json_count(line, "restarts");

@@ -16,6 +16,8 @@
 /* A look each second, and less than a second for an answer: what took longer than this nobody saw.
  */
 #define UNWATCHED_US 3000000
+/* An autopilot takes so long to start, or a daemon to start again. */
+#define UNTOLD_US 10000000
 /* The autopilot tells its time in whole seconds; a jump above this is said, once a minute at most.
  */
 #define CLOCK_JUMP_US 2500000
@@ -334,6 +336,20 @@ static void take_armed(struct recorder *recorder, bool armed)
     totals->armed_since_us = INT64_MIN;
 }
 
+/* Nobody says whether it is armed, or nobody looks. One that was lost after arming flies on. */
+static void take_untold(struct recorder *recorder, bool told)
+{
+    struct recorder_totals *totals = &recorder->totals;
+    int64_t untold_us = recorder_armed(recorder) ? 0 : totals->at_us - recorder->told_us;
+    bool counts = recorder->untold || untold_us > UNTOLD_US;
+
+    totals->untold_us += counts ? untold_us : 0;
+    recorder->untold = counts && !told && !recorder_armed(recorder);
+    if (counts || told || recorder_armed(recorder)) {
+        recorder->told_us = totals->at_us;
+    }
+}
+
 static void take_clock(struct recorder *recorder, int64_t unix_us)
 {
     int64_t now_us = recorder->totals.at_us, offset_us = unix_us - now_us;
@@ -372,7 +388,7 @@ static void begin(struct recorder *recorder, recorder_line_fn *line, void *conte
     memset(recorder, 0, sizeof(*recorder));
     recorder->line = line;
     recorder->context = context;
-    recorder->start_us = recorder->totals.at_us = now_us;
+    recorder->start_us = recorder->told_us = recorder->totals.at_us = now_us;
     recorder->daemon_start_us = recorder->totals.armed_since_us = INT64_MIN;
     for (enum channel channel = 0; channel < CHANNELS; channel++) {
         recorder->settled_us[channel] = INT64_MIN;
@@ -414,6 +430,7 @@ void recorder_continue(struct recorder *recorder, recorder_line_fn *line, void *
 {
     begin(recorder, line, context, now_us);
     recorder->totals = *totals;
+    recorder->told_us = totals->at_us;
     for (unsigned i = 0; i < count; i++) {
         struct recorder_fault *fault = fault_place(recorder, faults[i].name);
 
@@ -460,6 +477,7 @@ void recorder_tick(struct recorder *recorder, const struct recorder_snapshot *sn
                    int64_t now_us)
 {
     pass_time(recorder, now_us);
+    take_untold(recorder, snapshot->answered && snapshot->armed_known);
     if (snapshot->answered) {
         take_daemon_start(recorder, snapshot->daemon_start_us);
         take_clock(recorder, snapshot->unix_us);
@@ -516,13 +534,12 @@ void recorder_say_totals(struct recorder *recorder)
             one->gaps, seconds(recorder_open_gap_us(recorder, channel)));
     }
     say(recorder, totals->at_us, "totals",
-        ",\"began_armed\":%s,\"armed_since\":%s,\"armed_s\":%.2f,\"unwatched_s\":%.2f,\"faults\":%"
-        "u,\"armed_faults\":%"
-        "u,\"restarts\":%u,"
+        ",\"began_armed\":%s,\"armed_since\":%s,\"armed_s\":%.2f,\"unwatched_s\":%.2f,"
+        "\"untold_s\":%.2f,\"faults\":%u,\"armed_faults\":%u,\"restarts\":%u,"
         "\"armed_restarts\":%u,\"armed_fault_s\":{%s},\"channels\":{%s}",
         began(totals->began), instant(totals->armed_since_us, first), seconds(totals->armed_us),
-        seconds(totals->unwatched_us), totals->faults, totals->armed_faults, totals->restarts,
-        totals->armed_restarts, faults, channels);
+        seconds(totals->unwatched_us), seconds(totals->untold_us), totals->faults,
+        totals->armed_faults, totals->restarts, totals->armed_restarts, faults, channels);
 }
 
 void recorder_end(struct recorder *recorder, int64_t now_us)

@@ -59,6 +59,8 @@ struct recorder {
     struct recorder_totals totals;
     int64_t settled_us[CHANNELS]; /* silence is counted up to here */
     int64_t start_us;
+    int64_t told_us; /* whether it is armed was known last, or its not being known was counted */
+    bool untold;     /* it isn't known for so long that it counts */
     int64_t daemon_start_us; /* INT64_MIN: not known */
     int64_t clock_offset_us,
         clock_said_us;               /* UTC minus our clock, and when it was said; 0: never */

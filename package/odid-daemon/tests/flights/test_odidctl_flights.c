@@ -290,6 +290,10 @@ static void a_record_of_an_earlier_version(void **state)
     assert_int_equal(show("1", "", false), 0);
     expect("Flight record 1: on the air the whole flight\n");
     expect("Wi-Fi beacon not required\n");
+    recorder_text_add(&bench.text, "{\"t\":100.00,\"event\":\"totals\",\"armed_s\":0.00}");
+    put_record(1, 0);
+    assert_int_equal(show("1", "", false), 0);
+    expect("Flight record 1: never armed, and never on the air\n");
 }
 
 static void a_flight_that_nobody_could_hear(void **state)
@@ -325,6 +329,38 @@ static void on_the_ground(void **state)
     assert_int_equal(show(NULL, "", false), 0);
     expect("never armed; power cut");
     expect("never armed, and never on the air; power cut");
+}
+
+/* Its autopilot was never heard, or not any more when it took off. */
+static void it_may_have_flown_when_nobody_said_that_it_did_not(void **state)
+{
+    (void)state;
+    bench.snapshot.armed_known = false;
+    pass(100);
+    recorder_say_totals(&bench.recorder);
+    put_record(1, 0);
+    set_sending(CHANNEL_BT4, true);
+    bench.snapshot.armed_known = true;
+    pass(5);
+    bench.snapshot.armed_known = false;
+    pass(200);
+    recorder_say_totals(&bench.recorder);
+    put_record(2, 0);
+    assert_int_equal(show(NULL, "", false), 0);
+    expect(" nobody said for 100 s whether it was armed, and never on the air; power cut");
+    expect(" nobody said for 5 min whether it was armed; power cut");
+    assert_int_equal(show("2", "", false), 0);
+    expect("Flight record 2: nobody said for 5 min whether it was armed\n");
+    expect("Lasted       5 min, whether armed was not said for 5 min\n");
+    assert_int_equal(show("2", "", true), 0);
+    expect("\"untold_s\": 301.00,");
+    expect("\"verdict\": \"nobody said for 5 min whether it was armed\"");
+    bench.snapshot.armed_known = bench.snapshot.armed = true;
+    pass(5);
+    recorder_say_totals(&bench.recorder);
+    put_record(3, 0);
+    assert_int_equal(show("3", "", false), 0);
+    assert_null(strstr(text, "nobody said"));
 }
 
 /* ---- one in detail ---- */
@@ -528,6 +564,7 @@ int main(void)
         TEST(a_record_of_an_earlier_version),
         TEST(a_flight_that_nobody_could_hear),
         TEST(on_the_ground),
+        TEST(it_may_have_flown_when_nobody_said_that_it_did_not),
         TEST(one_in_detail),
         TEST(what_nobody_looked_at_is_in_the_verdict),
         TEST(what_was_sent_of_a_simulation_is_in_the_verdict),

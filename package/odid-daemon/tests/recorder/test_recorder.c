@@ -497,6 +497,43 @@ static void what_nobody_looked_at_is_said(void **state)
     assert_int_equal(bench.flight.totals.armed_us, 18 * SECOND);
 }
 
+/* An autopilot that isn't heard, a daemon that doesn't answer, a recorder that stands still: in
+ * that time it may have flown. */
+static void that_nobody_said_whether_it_was_armed_is_counted(void **state)
+{
+    (void)state;
+    bench.snapshot.armed_known = false;
+    pass(9); /* it starts */
+    bench.snapshot.armed_known = true;
+    pass(100);
+    assert_int_equal(look()->totals.untold_us, 0);
+    bench.snapshot.armed_known = false;
+    pass(10);
+    assert_int_equal(look()->totals.untold_us, 0);
+    pass(20);
+    assert_int_equal(look()->totals.untold_us, 30 * SECOND);
+    bench.snapshot.answered = false;
+    bench.snapshot.armed_known = true;
+    pass(20);
+    bench.snapshot.answered = true;
+    pass(9);
+    bench.snapshot.answered = false;
+    pass(9);
+    bench.snapshot.answered = true;
+    pass(1);
+    assert_int_equal(look()->totals.untold_us, 51 * SECOND);
+    pass_us(12 * SECOND);
+    assert_int_equal(look()->totals.untold_us, 63 * SECOND);
+    bench.snapshot.armed = true;
+    pass(1);
+    bench.snapshot.armed_known = bench.snapshot.armed = false;
+    pass(100); /* it flies on */
+    bench.snapshot.armed_known = true;
+    pass(9);
+    assert_int_equal(look()->totals.untold_us, 63 * SECOND);
+    assert_int_equal(bench.flight.totals.armed_us, 101 * SECOND);
+}
+
 /* ---- going on after a restart of our own ---- */
 
 static void go_on(void)
@@ -520,6 +557,7 @@ static void a_restart_of_ours_loses_nothing(void **state)
     pass(4);
     look();
     assert_int_equal(bench.flight.totals.began, RECORDER_DISARMED);
+    assert_int_equal(bench.flight.totals.untold_us, 0);
     assert_int_equal(bench.flight.totals.armed_us, 12 * SECOND); /* ... and counted all the same */
     assert_int_equal(bench.flight.totals.faults, 1);
     assert_int_equal(totals(CHANNEL_BT4)->gaps, 0);
@@ -538,6 +576,17 @@ static void what_became_of_an_update(void **state)
     (void)state;
     recorder_say_update(&bench.recorder, "Version 2 was rolled back: \"why\".", bench.now_us);
     expect_line("\"event\":\"update\",\"text\":\"Version 2 was rolled back: \\\"why\\\".\"}");
+}
+
+static void nobody_looks_over_a_restart_of_ours(void **state)
+{
+    (void)state;
+    pass(20);
+    recorder_say_totals(&bench.recorder);
+    bench.now_us += 30 * SECOND;
+    go_on();
+    pass(5);
+    assert_int_equal(look()->totals.untold_us, 31 * SECOND);
 }
 
 static void a_gap_over_a_restart_of_ours_is_whole(void **state)
@@ -587,8 +636,10 @@ int main(void)
         TEST(faults_of_the_appliance),
         TEST(a_clock_that_becomes_known_in_flight),
         TEST(what_nobody_looked_at_is_said),
+        TEST(that_nobody_said_whether_it_was_armed_is_counted),
         TEST(a_restart_of_ours_loses_nothing),
         TEST(what_became_of_an_update),
+        TEST(nobody_looks_over_a_restart_of_ours),
         TEST(a_gap_over_a_restart_of_ours_is_whole),
     };
 
