@@ -185,6 +185,15 @@ static bool is_repeated(const struct aircraft_receiver *receiver,
            (!moved || isnan(update->gps_raw.latitude_deg));
 }
 
+/* Only such are left that know no height. */
+static void forget_heights(struct aircraft *aircraft, const struct aircraft_receiver *receiver,
+                           int64_t now_us)
+{
+    if (aircraft_receiver(aircraft, now_us) == receiver) {
+        aircraft->telemetry.high_us = aircraft->native.high_us = INT64_MIN;
+    }
+}
+
 static void take_separation(struct aircraft *aircraft, const struct aircraft_receiver *receiver,
                             int64_t now_us)
 {
@@ -223,14 +232,17 @@ void aircraft_take_gps_raw(struct aircraft *aircraft, const struct telemetry_upd
         aircraft->no_fix_us = aircraft->no_fix_us == INT64_MIN ? now_us : aircraft->no_fix_us;
         aircraft->waiting_position.came_us = aircraft->waiting_time.came_us = INT64_MIN;
     }
-    if (receiver->fix_type < GPS_FIX_TYPE_3D_FIX) {
-        aircraft->telemetry.high_us = aircraft->native.high_us = INT64_MIN; /* it knows no height */
+    if (receiver->fix_type < GPS_FIX_TYPE_2D_FIX) {
         return;
     }
-    take_separation(aircraft, receiver, now_us);
     compare(aircraft, receiver, TELEMETRY,
             hypot(aircraft->telemetry.north_mps, aircraft->telemetry.east_mps), now_us);
     compare(aircraft, receiver, NATIVE, isnan(native_mps) ? 0 : native_mps, now_us);
+    if (receiver->fix_type < GPS_FIX_TYPE_3D_FIX) {
+        forget_heights(aircraft, receiver, now_us);
+        return;
+    }
+    take_separation(aircraft, receiver, now_us);
     compare_altitude(aircraft, receiver, &aircraft->telemetry,
                      aircraft->telemetry.altitude_msl_m - update->gps_raw.altitude_msl_m,
                      aircraft->telemetry.vertical_speed_mps,

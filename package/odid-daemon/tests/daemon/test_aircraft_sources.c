@@ -475,6 +475,25 @@ static void a_place_where_its_receiver_is_not_does_not_count(void **state)
     assert_false(condition.apart);
 }
 
+/* Of two dimensions, too: it has a place. */
+static void a_receiver_without_height_is_compared(void **state)
+{
+    (void)state;
+    sim.gps_latitude_deg = sim.latitude_deg + 1;
+    sim.gps_longitude_deg = sim.longitude_deg;
+    fly(2);
+    sim.gps_latitude_deg = sim.latitude_deg;
+    sim.fix_type = GPS_FIX_TYPE_2D_FIX;
+    for (unsigned i = 0; i < 20; i++) {
+        fly(1);
+        assert_true(view.location.position_fresh);
+    }
+    sim.gps_latitude_deg += 200.0 / 111320;
+    fly(10);
+    assert_false(view.location.position_fresh);
+    assert_true(condition.apart);
+}
+
 /* It says nothing any more, or that it has no fix: it takes nothing back. */
 static void a_place_that_was_contradicted_does_not_come_back_by_silence(void **state)
 {
@@ -580,6 +599,29 @@ static void an_altitude_where_its_receiver_is_not_is_unknown(void **state)
     fly(1.2);
     assert_near(view.location.altitude_geodetic_m, sim.altitude_m + 36.4);
     assert_false(condition.altitude_apart);
+}
+
+/* Nor does it come back when that receiver has none any more; a second one that has none says
+ * nothing. */
+static void an_altitude_that_was_contradicted_does_not_come_back(void **state)
+{
+    struct telemetry_update second = update_of(TELEMETRY_GPS2_RAW);
+
+    (void)state;
+    second.gps_raw.fix_type = GPS_FIX_TYPE_2D_FIX;
+    second.gps_raw.latitude_deg = second.gps_raw.longitude_deg = NAN;
+    second.gps_raw.altitude_msl_m = second.gps_raw.separation_m = NAN;
+    sim.gps_altitude_m = sim.altitude_m + 200;
+    for (unsigned i = 0; i < 20; i++) {
+        give(&second);
+        fly(1);
+        assert_true(i < 6 || isnan(view.location.altitude_geodetic_m));
+    }
+    sim.fix_type = GPS_FIX_TYPE_NO_FIX;
+    fly(20);
+    assert_false(view.location.position_fresh);
+    assert_near(view.location.latitude_deg, sim.latitude_deg);
+    assert_unknown(view.location.altitude_geodetic_m);
 }
 
 /* A long flight in falling pressure; and a receiver that is off for ten seconds. */
@@ -720,6 +762,7 @@ int main(void)
         cmocka_unit_test_setup(a_second_receivers_fix_is_one, begin_setup),
         cmocka_unit_test_setup(a_fix_that_is_lost_is_lost_for_the_native_position_too, begin_setup),
         cmocka_unit_test_setup(a_place_where_its_receiver_is_not_does_not_count, begin_setup),
+        cmocka_unit_test_setup(a_receiver_without_height_is_compared, begin_setup),
         cmocka_unit_test_setup(a_place_that_was_contradicted_does_not_come_back_by_silence,
                                begin_setup),
         cmocka_unit_test_setup(a_place_that_moves_on_without_its_receiver_counts, begin_setup),
@@ -728,6 +771,7 @@ int main(void)
         cmocka_unit_test_setup(a_receiver_is_near_enough, begin_setup),
         cmocka_unit_test_setup(a_receiver_that_repeats_itself_has_no_fix, begin_setup),
         cmocka_unit_test_setup(an_altitude_where_its_receiver_is_not_is_unknown, begin_setup),
+        cmocka_unit_test_setup(an_altitude_that_was_contradicted_does_not_come_back, begin_setup),
         cmocka_unit_test_setup(an_altitude_may_differ_from_the_receivers, begin_setup),
         cmocka_unit_test_setup(a_high_flight_in_cold_air_keeps_its_altitude, begin_setup),
         cmocka_unit_test_setup(a_native_altitude_where_its_receiver_is_not_is_unknown, begin_setup),
