@@ -129,9 +129,9 @@ static bool comes(const struct asking_message *message, const struct asking_requ
            now_us - message->heard_us <= MISSED * (int64_t)request->interval_us;
 }
 
-static bool is_needed(const struct asking *asking, unsigned which, int64_t now_us)
+static bool is_needed(const struct asking *asking, unsigned which, bool apart, int64_t now_us)
 {
-    return which != GPS2_RAW || !asking->fix ||
+    return which != GPS2_RAW || !asking->fix || apart ||
            !comes(&asking->message[GPS_RAW], &needed[GPS_RAW].request, now_us);
 }
 
@@ -152,7 +152,7 @@ static bool is_probed(const struct asking *asking, int64_t now_us)
     return now_us - asking->asked_us >= (unsure ? PROBE_AGAIN_US : PROBE_US);
 }
 
-bool asking_next(struct asking *asking, int64_t now_us, struct asking_request *request)
+bool asking_next(struct asking *asking, bool apart, int64_t now_us, struct asking_request *request)
 {
     if (asking->asked >= 0 && now_us - asking->asked_us < ANSWER_US) {
         return false;
@@ -167,8 +167,9 @@ bool asking_next(struct asking *asking, int64_t now_us, struct asking_request *r
                 message->done = false;
             }
             message->wait_us = AGAIN_US;
-        } else if (is_needed(asking, (unsigned)i, now_us) && !is_given_up(asking, (unsigned)i) &&
-                   now_us >= message->from_us && asking->asked < 0) {
+        } else if (is_needed(asking, (unsigned)i, apart, now_us) &&
+                   !is_given_up(asking, (unsigned)i) && now_us >= message->from_us &&
+                   asking->asked < 0) {
             put_question(asking, i, now_us, request);
             message->asked_for = true;
             message->asked_us = now_us;

@@ -11,7 +11,7 @@
  * within 5 s when it came and stops. HEARTBEAT, GPS_RAW_INT and GLOBAL_POSITION_INT,
  * without which there is no position, are asked for once in 6 s at least, whatever is answered.
  * GPS2_RAW, a second receiver's, is asked for where the first one's says that there is no fix, or
- * doesn't come.
+ * doesn't come, or is contradicted by the position: that may be where the second one is.
  *
  * Where nothing has to be asked for, HEARTBEAT is all the same, once in 20 s: an answer says that
  * the way back works.
@@ -54,8 +54,9 @@ void asking_begin(struct asking *asking, int64_t now_us);
 /* Takes what came from the autopilot: the messages that are needed, and its answers. */
 void asking_heard(struct asking *asking, const struct telemetry_update *update, int64_t now_us);
 
-/* Is there something to ask for now? Called a few times a second. */
-bool asking_next(struct asking *asking, int64_t now_us, struct asking_request *request);
+/* Is there something to ask for now? Called a few times a second. apart: the position, or its
+ * altitude, isn't where its receiver is. */
+bool asking_next(struct asking *asking, bool apart, int64_t now_us, struct asking_request *request);
 
 /* Is nothing of it answered any more, or done? Then ARM_STATUS isn't heard either. */
 bool asking_unheard(const struct asking *asking);

@@ -38,6 +38,7 @@ static unsigned asked[MESSAGES];
 static int64_t asked_us[MESSAGES];
 static unsigned probes; /* questions for a HEARTBEAT that comes */
 static uint8_t fix_type;
+static bool apart;
 
 static int setup(void **state)
 {
@@ -48,6 +49,7 @@ static int setup(void **state)
     memset(asked, 0, sizeof(asked));
     probes = 0;
     fix_type = GPS_FIX_TYPE_3D_FIX;
+    apart = false;
     asking_begin(&asking, now_us);
     return 0;
 }
@@ -112,7 +114,7 @@ static void pass(double seconds)
                 asking_heard(&asking, &update, now_us);
             }
         }
-        if (now_us % (250 * MS) == 0 && asking_next(&asking, now_us, &request)) {
+        if (now_us % (250 * MS) == 0 && asking_next(&asking, apart, now_us, &request)) {
             take(&request);
         }
     }
@@ -303,7 +305,8 @@ static void a_way_back_that_breaks_later_is_found_out(void **state)
     assert_false(asking_unheard(&asking));
 }
 
-/* Where the first receiver has a fix, nobody needs the second one's. */
+/* Where the first receiver has a fix, and is where the position is, nobody needs the second one's.
+ */
 static void a_second_receiver_is_asked_for_when_the_first_has_no_fix(void **state)
 {
     (void)state;
@@ -322,6 +325,23 @@ static void a_second_receiver_is_asked_for_when_the_first_has_no_fix(void **stat
     expect_asked(GPS2_RAW, 2);
     assert_false(refused(124));
     assert_true(refused(24));
+}
+
+static void a_second_receiver_is_asked_for_when_the_first_is_contradicted(void **state)
+{
+    (void)state;
+    for (unsigned i = 0; i < GPS2_RAW; i++) {
+        sends_us[i] = message[i].interval_us;
+    }
+    pass(60);
+    expect_asked(GPS2_RAW, 0);
+    apart = true;
+    pass(5);
+    expect_asked(GPS2_RAW, 1);
+    assert_int_equal(sends_us[GPS2_RAW], message[GPS2_RAW].interval_us);
+    apart = false;
+    pass(60);
+    expect_asked(GPS2_RAW, 1);
 }
 
 static void a_refusal_is_an_answer(void **state)
@@ -346,17 +366,18 @@ static void the_answer_to_another_command_says_nothing(void **state)
         asking_heard(&asking, &update, now_us);
         now_us += 60 * MS;
     }
-    assert_true(asking_next(&asking, now_us, &request));
+    assert_true(asking_next(&asking, apart, now_us, &request));
     assert_int_equal(request.message_id, 2);
     answer(MAV_RESULT_DENIED, MAV_CMD_SET_MESSAGE_INTERVAL);
     now_us += 4 * SECOND;
     for (request.message_id = 0; request.message_id != 2; now_us += SECOND) {
-        assert_true(asking_next(&asking, now_us, &request));
+        assert_true(asking_next(&asking, apart, now_us, &request));
     }
     now_us -= SECOND;
     answer(MAV_RESULT_DENIED, MAV_CMD_COMPONENT_ARM_DISARM);
     assert_false(refused(request.message_id));
-    assert_false(asking_next(&asking, now_us, &request)); /* its answer is still waited for */
+    assert_false(
+        asking_next(&asking, apart, now_us, &request)); /* its answer is still waited for */
     answer(MAV_RESULT_UNSUPPORTED, MAV_CMD_SET_MESSAGE_INTERVAL);
     assert_true(refused(request.message_id));
     answer(MAV_RESULT_ACCEPTED, MAV_CMD_SET_MESSAGE_INTERVAL); /* nothing was asked */
@@ -378,6 +399,8 @@ int main(void)
         cmocka_unit_test_setup(an_autopilot_that_hears_nothing_is_found_out, setup),
         cmocka_unit_test_setup(a_way_back_that_breaks_later_is_found_out, setup),
         cmocka_unit_test_setup(a_second_receiver_is_asked_for_when_the_first_has_no_fix, setup),
+        cmocka_unit_test_setup(a_second_receiver_is_asked_for_when_the_first_is_contradicted,
+                               setup),
         cmocka_unit_test_setup(a_refusal_is_an_answer, setup),
         cmocka_unit_test_setup(the_answer_to_another_command_says_nothing, setup),
     };
