@@ -187,15 +187,18 @@ static void quote(char *out, size_t size, const char *text)
     snprintf(out, size, "%.*s%s", (int)cut, text, text[cut] == '\0' ? "" : "...");
 }
 
-/* https://USER:PASSWORD@HOST, as it may be quoted. */
-static void hide_credentials(char *out, size_t size, const char *text)
+/* https://USER:PASSWORD@HOST, as it may be quoted. Where it is mistyped, or the password has an @
+ * or a :// in it, rather too little of it. */
+static void hide_credentials(char *out, size_t size, const struct config_rule *rule,
+                             const char *text)
 {
-    const char *begin = strstr(text, "://"), *end = begin == NULL ? NULL : strchr(begin, '@');
+    const char *mark = strstr(text, "://"), *end = strrchr(text, '@');
+    size_t scheme = strcspn(text, ":@");
 
-    if (end == NULL) {
+    if (end == NULL || (mark == NULL && rule != &config_rule_url)) {
         snprintf(out, size, "%s", text);
     } else {
-        snprintf(out, size, "%.*s...%s", (int)(begin + 3 - text), text, end);
+        snprintf(out, size, "%.*s...%s", mark == text + scheme ? (int)scheme + 3 : 0, text, end);
     }
 }
 
@@ -204,7 +207,7 @@ static void say_refused(const struct config_rule *rule, const void *field,
 {
     char plain[128], written[52], used[60];
 
-    hide_credentials(plain, sizeof(plain), value->text);
+    hide_credentials(plain, sizeof(plain), rule, value->text);
     quote(written, sizeof(written), plain);
     rule->show(rule, field, used, sizeof(used));
     if (rule == &config_rule_password) {

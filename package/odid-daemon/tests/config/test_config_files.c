@@ -96,9 +96,6 @@ static void wrong_files(void **state)
          "error: odid.conf line 1: [wireless]: unknown section, ignored with all its keys\n"},
         {"[maintenance password = geheim123]\nx = 1\n",
          "error: odid.conf line 1: [maintenance]: unknown section, ignored with all its keys\n"},
-        {"[update]\nhawkbit_url = ftp://user:geheim@example.org/\n",
-         "error: odid.conf line 2: [update] hawkbit_url = \"ftp://...@example.org/\": expected an "
-         "address such as https://updates.example.org:8443, or \"\"; using none\n"},
         {"[mavlink]\nbuad = 57600\n",
          "error: odid.conf line 2: [mavlink] buad: unknown key, ignored; did you mean baud?\n"},
         {"[basic_id]\nuas-id = ABCD1X\n", "error: odid.conf line 2: [basic_id] uas-id: unknown "
@@ -119,6 +116,36 @@ static void wrong_files(void **state)
     parse("[basic_id]\nuas_id = \xE2\x80\x9C"
           "ABCD1X\xE2\x80\x9D\n");
     assert_string_equal(config.basic_id[0].uas_id, "ABCD1X");
+}
+
+/* A refused address goes into log and status. */
+static void a_refused_address_shows_no_password(void **state)
+{
+    static const struct {
+        const char *written, *shown;
+    } cases[] = {
+        {"ftp://user:geheim@example.org/", "ftp://...@example.org/"},
+        {"https://user:geh@eim@example.org/", "https://...@example.org/"},
+        {"https:/user:geheim@example.org/", "...@example.org/"},
+        {"user:geheim@example.org", "...@example.org"},
+        {"user:geheim://@example.org", "...@example.org"},
+        {"user:geheim@https://example.org", "...@https://example.org"},
+    };
+    char text[256], sentence[256];
+
+    (void)state;
+    for (size_t i = 0; i < COUNT(cases); i++) {
+        snprintf(text, sizeof(text), "[update]\nhawkbit_url = %s\n", cases[i].written);
+        snprintf(sentence, sizeof(sentence),
+                 "error: odid.conf line 2: [update] hawkbit_url = \"%s\": expected an address such "
+                 "as https://updates.example.org:8443, or \"\"; using none\n",
+                 cases[i].shown);
+        expect(text, sentence);
+    }
+    expect(
+        "[broadcast]\nbt_adapter = h4:/dev/ttyUSB0@fast\n",
+        "error: odid.conf line 2: [broadcast] bt_adapter = \"h4:/dev/ttyUSB0@fast\": expected hciN "
+        "such as hci0, or h4:/dev/ttyX[@baud]; using hci0\n");
 }
 
 static void wrong_bytes(void **state)
@@ -280,6 +307,7 @@ int main(void)
         cmocka_unit_test(ways_to_write_a_line),
         cmocka_unit_test(quotes_and_comments),
         cmocka_unit_test(wrong_files),
+        cmocka_unit_test(a_refused_address_shows_no_password),
         cmocka_unit_test(wrong_bytes),
         cmocka_unit_test(long_lines),
         cmocka_unit_test(nothing_breaks_it),
