@@ -36,6 +36,13 @@ EVER_FAILED = {
         ("bluetooth_switched_off", 210.999705, 20.627765), ("controller_hangs", 312.156276, 20.173644),
         ("wifi_switched_off", 373.094501, 2.137821), ("forged_autopilot", 405.686016, 1.670302),
         ("foreign_disable", 406.938813, 0.552199)])),
+    "an autopilot restarted in a dive, which hid that its native altitude is wrong": (91520, (
+        "bcm43455", "udp", (0.3, 150000), False, ("PX4, mended", 8), [
+        ("crafted_frames", 108.266554, 2.323832), ("controller_loses_an_event", 138.145236, 21.977561),
+        ("hostapd_disabled", 156.977924, 0.418494), ("autopilot_silent", 196.969457, 0.050831),
+        ("controller_loses_an_event", 236.815459, 0.043712), ("hostapd_killed", 236.839528, 19.03775),
+        ("foreign_disable", 308.463081, 21.283075), ("foreign_reset", 369.753912, 5.601378),
+        ("hostapd_slow", 457.819532, 6.056316), ("autopilot_restarts", 518.053123, 0.543799)])),
 }
 
 

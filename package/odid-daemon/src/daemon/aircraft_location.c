@@ -13,6 +13,8 @@
 #define ALTITUDES_DIFFER_M 15.0
 #define CLIMBS_MPS 5.0
 #define PRESSURE_DIFFERS_M 1500.0
+/* Beside a place that is so much newer an altitude is another place's. */
+#define ALTITUDE_LATE_US 500000
 /* A Location timestamp says when within the hour: an older position can't be dated any more. */
 #define POSITION_KEPT_US INT64_C(3590000000)
 
@@ -46,14 +48,19 @@ static int speed_code(float accuracy_mps)
     return createEnumSpeedAccuracy(accuracy_mps);
 }
 
-/* Is what the native LOCATION has another one than telemetry's? */
-static bool native_differs(const struct aircraft *aircraft, double native_m, double telemetry_m)
+/* Is what the native LOCATION has another one than telemetry's? It is as before (differed) where
+ * one of them isn't known, or it may have climbed as much between the two: after the autopilot's
+ * restart its first LOCATION comes a second behind the last position. */
+static bool native_differs(const struct aircraft *aircraft, double native_m, double telemetry_m,
+                           bool differed)
 {
     const struct aircraft_fix *native = &aircraft->native, *telemetry = &aircraft->telemetry;
     double apart_s = fabs((double)(telemetry->fix_us - native->fix_us)) * 1e-6;
-    double climbs_mps = CLIMBS_MPS + fabs(telemetry->vertical_speed_mps);
+    double climbed_m = (CLIMBS_MPS + fabs(telemetry->vertical_speed_mps)) * apart_s;
+    double difference_m = fabs(native_m - telemetry_m);
 
-    return fabs(native_m - telemetry_m) > ALTITUDES_DIFFER_M + climbs_mps * apart_s;
+    return difference_m > ALTITUDES_DIFFER_M + climbed_m ||
+           (differed && !(difference_m + climbed_m <= ALTITUDES_DIFFER_M));
 }
 
 void aircraft_compare_altitudes(struct aircraft *aircraft, int64_t now_us)
@@ -64,11 +71,11 @@ void aircraft_compare_altitudes(struct aircraft *aircraft, int64_t now_us)
         !aircraft_fresh(aircraft->telemetry.fix_us, now_us)) {
         return;
     }
-    aircraft->altitudes_differ =
-        native_differs(aircraft, aircraft_geodetic_m(aircraft, &aircraft->native),
-                       aircraft_geodetic_m(aircraft, &aircraft->telemetry));
-    aircraft->heights_differ =
-        native_differs(aircraft, native_height_m, aircraft_height_m(aircraft));
+    aircraft->altitudes_differ = native_differs(
+        aircraft, aircraft_geodetic_m(aircraft, &aircraft->native),
+        aircraft_geodetic_m(aircraft, &aircraft->telemetry), aircraft->altitudes_differ);
+    aircraft->heights_differ = native_differs(
+        aircraft, native_height_m, aircraft_height_m(aircraft), aircraft->heights_differ);
 }
 
 bool aircraft_altitudes_differ(const struct aircraft *aircraft, int64_t now_us)
@@ -91,12 +98,13 @@ static void fill_from_telemetry(const struct aircraft *aircraft, int64_t now_us,
                                 struct aircraft_location *out)
 {
     const struct aircraft_receiver *receiver = aircraft_receiver(aircraft, now_us);
-    bool apart = aircraft_altitude_is_apart(&aircraft->telemetry, now_us);
+    bool altitude_counts = !aircraft_altitude_is_apart(&aircraft->telemetry, now_us) &&
+                           out->fix_us - aircraft->telemetry.fix_us <= ALTITUDE_LATE_US;
 
-    if (isnan(out->altitude_geodetic_m) && !apart) {
+    if (isnan(out->altitude_geodetic_m) && altitude_counts) {
         out->altitude_geodetic_m = aircraft_geodetic_m(aircraft, &aircraft->telemetry);
     }
-    if (isnan(out->height_m) && !apart) {
+    if (isnan(out->height_m) && altitude_counts) {
         out->height_m = aircraft_height_m(aircraft);
         out->height_above_ground = false;
     }

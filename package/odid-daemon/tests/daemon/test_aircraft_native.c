@@ -329,6 +329,28 @@ static void nor_is_it_once_telemetry_is_gone(void **state)
     assert_true(condition.altitudes_differ && isnan(view.location.altitude_geodetic_m));
 }
 
+/* Nor while telemetry stops for a moment in a dive, as over the autopilot's restart: it has climbed
+ * down to where the other one is said to be. */
+static void nor_is_it_where_a_dive_hides_it(void **state)
+{
+    (void)state;
+    sim.autopilot = MAV_AUTOPILOT_PX4;
+    sim.altitude_m = 900;
+    sim.up_mps = -20;
+    for (unsigned i = 0; i < 60; i++) {
+        sim.position = i < 51;
+        if (i % 5 == 0) {
+            struct telemetry_update update = native_of(now_us);
+
+            update.location.altitude_geodetic_m = sim.altitude_m + 36.4; /* one that has it right */
+            give(&update);
+        }
+        sim.altitude_m -= 4;
+        fly(0.2);
+        assert_true(i < 10 || condition.altitudes_differ);
+    }
+}
+
 /* Native once a second, in a dive: what lies between the two instants is no contradiction. */
 static void in_a_dive_two_altitudes_may_differ(void **state)
 {
@@ -409,6 +431,7 @@ int main(void)
         cmocka_unit_test_setup(a_native_altitude_that_contradicts_telemetry_is_not_broadcast,
                                begin_setup),
         cmocka_unit_test_setup(nor_is_it_once_telemetry_is_gone, begin_setup),
+        cmocka_unit_test_setup(nor_is_it_where_a_dive_hides_it, begin_setup),
         cmocka_unit_test_setup(in_a_dive_two_altitudes_may_differ, begin_setup),
         cmocka_unit_test_setup(a_pressure_altitude_that_no_weather_gives_is_unknown, begin_setup),
         cmocka_unit_test_setup(px4s_barometric_altitude_of_0_is_unknown, begin_setup),
