@@ -187,13 +187,15 @@ static void add_sentence(void *context, enum config_severity severity, const cha
     *said = fingerprint(*said, sentence, strlen(sentence) + 1);
 }
 
-int settings_in_force(const struct places *places)
+enum in_force { NOT_SAID, IN_FORCE, NOT_IN_FORCE };
+
+static enum in_force look_whether_in_force(const struct places *places)
 {
     uint64_t said = FINGERPRINT_OF_NOTHING;
     char path[PLACES_PATH_SIZE], saved[20];
     struct json_object *status, *daemon_s;
     struct config config;
-    bool same;
+    enum in_force found = NOT_SAID;
     int error;
 
     places_config(places, path);
@@ -204,9 +206,16 @@ int settings_in_force(const struct places *places)
     status = status_fetch(places->run_dir, &error);
     daemon_s =
         json_object_object_get(json_object_object_get(status, "configuration"), "fingerprint");
-    same = daemon_s != NULL && strcmp(json_object_get_string(daemon_s), saved) == 0;
+    if (daemon_s != NULL) {
+        found = strcmp(json_object_get_string(daemon_s), saved) == 0 ? IN_FORCE : NOT_IN_FORCE;
+    }
     json_object_put(status);
-    return same ? ODIDCTL_GOOD : ODIDCTL_NOT_GOOD;
+    return found;
+}
+
+int settings_in_force(const struct places *places)
+{
+    return look_whether_in_force(places) == IN_FORCE ? ODIDCTL_GOOD : ODIDCTL_NOT_GOOD;
 }
 
 /* ---- set ---- */
@@ -222,7 +231,7 @@ static int say_effect(const struct places *places, struct json_object *before)
         printf("Saved; but since then: %s\n", wrong);
         return ODIDCTL_HALF_DONE;
     }
-    if (settings_in_force(places) != ODIDCTL_GOOD) {
+    if (look_whether_in_force(places) == NOT_IN_FORCE) {
         puts("Saved; but the daemon doesn't run with it.");
         return ODIDCTL_HALF_DONE;
     }
