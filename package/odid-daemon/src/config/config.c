@@ -15,36 +15,14 @@
 
 void config_defaults(struct config *config)
 {
-    *config = (struct config){
-        .operator_latitude_deg = NAN,
-        .operator_longitude_deg = NAN,
-        .operator_altitude_m = NAN,
-        .classification_type = 1,
-        .source = MAVLINK_SOURCE_SERIAL,
-        .device = "/dev/ttyACM0",
-        .baud = 921600,
-        .udp_address = "127.0.0.1",
-        .udp_port = 14550,
-        .request_rate = true,
-        .bt4_enabled = true,
-        .bt5_enabled = true,
-        .wifi_beacon_enabled = true,
-        .wifi_iface = "wlan0",
-        .ground_station_iface = "eth0",
-        .hostapd_dir = "/run/hostapd",
-        .bt_adapter = "hci0",
-        .bench_latitude_deg = NAN,
-        .bench_longitude_deg = NAN,
-        .run_dir = "/run/odid",
-        .user = "odid",
-        .autopilot_device = "auto",
-        .autopilot_baud = 921600,
-        .wifi_country = "SE",
-        .wifi_channel = 6,
-    };
-    for (unsigned i = 0; i < CONFIG_BASIC_IDS; i++) {
-        config->basic_id[i].id_type = 1;
-        config->basic_id[i].ua_type = CONFIG_UA_TYPE_AUTO;
+    struct config_source silent = {.name = ""}; /* there is nothing to be said of a default */
+
+    memset(config, 0, sizeof(*config));
+    for (const struct config_key *key = config_keys; key->section != NULL; key++) {
+        struct config_value value = {
+            .source = &silent, .label = key->name, .text = key->by_default};
+
+        key->rule->take(key->rule, (char *)config + key->offset, &value);
     }
 }
 

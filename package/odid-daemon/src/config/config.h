@@ -29,11 +29,12 @@ enum mavlink_source { MAVLINK_SOURCE_SERIAL, MAVLINK_SOURCE_UDP };
 /* An identity as configured. An empty uas_id means "not configured". */
 struct config_basic_id {
     char uas_id[IDENTIFIER_MAX + 1];
-    uint8_t id_type; /* ASTM ID type, 0-4; default 1, serial number */
+    uint8_t id_type; /* ASTM ID type, 0-4 */
     int ua_type;     /* ASTM UA type, 0-15, or CONFIG_UA_TYPE_AUTO */
 };
 #define CONFIG_UA_TYPE_AUTO (-1)
 
+/* What each one is by default, stands in its row of config_keys. */
 struct config {
     /* [basic_id] and [basic_id_2]: uas_id, id_type, ua_type */
     struct config_basic_id basic_id[CONFIG_BASIC_IDS];
@@ -49,44 +50,44 @@ struct config {
     double operator_longitude_deg;
     double operator_altitude_m;  /* above the WGS-84 ellipsoid; NAN when not configured */
     bool classification_set;     /* any of the three below was configured */
-    uint8_t classification_type; /* 0 undeclared, 1 European Union (default) */
+    uint8_t classification_type; /* 0 undeclared, 1 European Union */
     uint8_t category;            /* on-air code: 0 undeclared, 1 open, 2 specific, 3 certified */
     uint8_t class_eu;            /* on-air code: 0 undeclared, 1 = C0 ... 7 = C6 */
     /* [mavlink] */
-    enum mavlink_source source;    /* default: serial */
-    char device[CONFIG_PATH_SIZE]; /* /dev/ttyACM0 */
-    unsigned baud;                 /* 921600 */
-    char udp_address[46];          /* numeric IPv4 address to listen on; 127.0.0.1 */
-    uint16_t udp_port;             /* 14550 */
-    bool request_rate;             /* ask the autopilot for 4 Hz positions; true */
+    enum mavlink_source source;
+    char device[CONFIG_PATH_SIZE];
+    unsigned baud;
+    char udp_address[46]; /* numeric IPv4 address to listen on */
+    uint16_t udp_port;
+    bool request_rate; /* ask the autopilot for 4 Hz positions */
     /* [broadcast] */
-    bool bt4_enabled, bt5_enabled, wifi_beacon_enabled; /* all true */
-    char wifi_iface[16];                                /* wlan0 */
-    char hostapd_dir[CONFIG_PATH_SIZE];                 /* /run/hostapd */
-    char bt_adapter[CONFIG_PATH_SIZE];                  /* hciN or h4:/dev/ttyX[@baud]; hci0 */
+    bool bt4_enabled, bt5_enabled, wifi_beacon_enabled;
+    char wifi_iface[16];
+    char hostapd_dir[CONFIG_PATH_SIZE];
+    char bt_adapter[CONFIG_PATH_SIZE];  /* hciN or h4:/dev/ttyX[@baud] */
     char bt5_adapter[CONFIG_PATH_SIZE]; /* a second one for long range; empty: the same */
     /* [bench]: a position for tests without an autopilot; NAN when off */
     double bench_latitude_deg, bench_longitude_deg;
     /* [daemon] */
-    char run_dir[CONFIG_PATH_SIZE]; /* the status socket's; /run/odid */
-    char user[32];                  /* the daemon's own user; odid */
+    char run_dir[CONFIG_PATH_SIZE]; /* the status socket's */
+    char user[32];                  /* the daemon's own user */
     /*
      * The appliance's own sections, [autopilot] to [board]: the daemon takes no
      * notice of them. Its services ask odidctl.
      */
-    char autopilot_device[CONFIG_PATH_SIZE]; /* auto, usb:vvvv:pppp or a path; auto */
-    unsigned autopilot_baud;                 /* 921600 */
-    char ground_station[22];                 /* a.b.c.d or a.b.c.d:port; empty: none */
-    char ground_station_iface[16];           /* the only way there; eth0 */
-    char wifi_country[3];                    /* two capitals; SE */
-    uint8_t wifi_channel;                    /* 1-11; 6 */
+    char autopilot_device[CONFIG_PATH_SIZE]; /* auto, usb:vvvv:pppp or a path */
+    unsigned autopilot_baud;
+    char ground_station[22];       /* a.b.c.d or a.b.c.d:port; empty: none */
+    char ground_station_iface[16]; /* the only way there */
+    char wifi_country[3];          /* two capitals */
+    uint8_t wifi_channel;
     /* Only from the file to odidctl, which makes a key of it; whoever doesn't clears it. */
     char maintenance_password[CONFIG_PASSWORD_MAX + 1];
-    bool maintenance_at_boot;                        /* false */
-    bool update_prevent_downgrade;                   /* false */
+    bool maintenance_at_boot;
+    bool update_prevent_downgrade;
     char hawkbit_url[CONFIG_PATH_SIZE];              /* http[s]://HOST[:PORT][/...]; empty: none */
-    char hawkbit_tenant[48], hawkbit_id[48];         /* DEFAULT; empty: the aircraft's serial */
-    uint8_t board_antenna, board_usb, board_console; /* codes of config_keys.h; 0 */
+    char hawkbit_tenant[48], hawkbit_id[48];         /* empty: DEFAULT; the aircraft's serial */
+    uint8_t board_antenna, board_usb, board_console; /* codes of config_keys.h */
     char board_uarts[48];                            /* "uart2 uart3"; empty: none */
     /* flags only */
     bool debug;

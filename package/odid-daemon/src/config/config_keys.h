@@ -73,7 +73,8 @@ struct config_rule; /* how one kind of value is checked */
 
 struct config_key {
     const char *section, *name;
-    size_t offset; /* in struct config */
+    const char *by_default; /* as one would write it; "": nothing is set */
+    size_t offset;          /* in struct config */
     const struct config_rule *rule;
 };
 
