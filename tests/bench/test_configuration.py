@@ -47,7 +47,7 @@ WRONG = (
     Wrong("long_description", changed("Sea rescue surveillance", "Sjöräddning på väg åtta"), ("description", "23")),
     Wrong("latitude_range", added("system", "operator_latitude = 91\noperator_longitude = 11.9"),
           ("operator_latitude", "91", "90")),
-    Wrong("channel_range", added("wifi", "channel = 36"), ("channel", "36", "11")),
+    Wrong("channel_range", added("wifi", "channel = 36"), ("channel", "36", "expected")),
     Wrong("country", added("wifi", "country = Sweden"), ("country", "Sweden", "two")),
     Wrong("no_boolean", added("broadcast", "bt4_enabled = maybe"), ("bt4_enabled", "maybe", "true|yes")),
     Wrong("no_number", added("autopilot", "baud = fast"), ("baud", "fast")),

@@ -118,8 +118,8 @@ static void wrong_values_change_nothing(void **state)
     static const struct {
         const char *name, *value, *sentence;
     } cases[] = {
-        {"wifi.channel", "14", "[wifi] channel = \"14\": expected 1-11; using 6\n"},
-        {"wifi.channel", "", "expected 1-11"},
+        {"wifi.channel", "14", "[wifi] channel = \"14\": expected "},
+        {"wifi.channel", "", "[wifi] channel = \"\": expected "},
         {"wifi.country", "Norge",
          "expected the two letters of a country, such as SE or GB (not EU); using NO"},
         {"wifi.country", "uk", "did you mean GB?; using NO"},
