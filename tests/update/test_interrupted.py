@@ -79,7 +79,7 @@ def test_what_is_refused_before_the_restart_does_not_hide_the_reason(ready):
 
 
 def test_settings_saved_on_trial_say_nothing_against_it(ready):
-    """Each restarts the daemon, and the twenty seconds begin again."""
+    """Each restarts the daemon, and the trial begins again."""
     before = begun(ready)
     ready.wait_restart(before)
     machine = ready.machine

@@ -13,6 +13,7 @@
 #include "update/update.h"
 
 #define SECOND_US INT64_C(1000000)
+#define WELL_S ((int)(UPDATE_WELL_US / SECOND_US))
 
 static const struct update_board well = {.well = true};
 static const struct update_board armed = {.armed = true, .well = true};
@@ -253,7 +254,7 @@ static void the_restart_waits_until_disarmed(void **state)
 
 /* ---- trial ---- */
 
-static void a_slot_that_is_well_is_kept_after_20_s(void **state)
+static void a_slot_that_is_well_for_long_enough_is_kept(void **state)
 {
     int after_s;
 
@@ -261,21 +262,21 @@ static void a_slot_that_is_well_is_kept_after_20_s(void **state)
     update_try(&update, "1.2.0", now_us);
     assert_string_equal(update_state_name(update.state), "trial");
     assert_int_equal(ticks(&well, 100, &after_s), UPDATE_COMMIT);
-    assert_int_equal(after_s, 20);
+    assert_int_equal(after_s, WELL_S);
     update_committed(&update, now_us);
     assert_int_equal(update.state, UPDATE_IDLE);
 }
 
-static void twenty_seconds_in_one_piece(void **state)
+static void well_in_one_piece(void **state)
 {
     int after_s;
 
     (void)state;
     update_try(&update, "1.2.0", now_us);
-    assert_int_equal(ticks(&well, 19, &after_s), UPDATE_NOTHING);
+    assert_int_equal(ticks(&well, WELL_S - 1, &after_s), UPDATE_NOTHING);
     assert_int_equal(ticks(&ill, 1, &after_s), UPDATE_NOTHING);
     assert_int_equal(ticks(&well, 100, &after_s), UPDATE_COMMIT);
-    assert_int_equal(after_s, 20);
+    assert_int_equal(after_s, WELL_S);
 }
 
 static void one_that_is_not_well_is_given_up_after_a_minute(void **state)
@@ -313,7 +314,7 @@ static void the_trial_stands_still_while_armed(void **state)
 
     (void)state;
     update_try(&update, "1.2.0", now_us);
-    assert_int_equal(ticks(&well, 15, &after_s), UPDATE_NOTHING);
+    assert_int_equal(ticks(&well, WELL_S - 5, &after_s), UPDATE_NOTHING);
     assert_int_equal(ticks(&armed, 3600, &after_s), UPDATE_NOTHING);
     assert_int_equal(ticks(&well, 100, &after_s), UPDATE_COMMIT);
     assert_int_equal(after_s, 5);
@@ -380,8 +381,8 @@ int main(void)
         cmocka_unit_test_setup(the_restart_out_of_a_failed_trial_waits_for_a_disarmed_as_well,
                                begin),
         cmocka_unit_test_setup(the_restart_waits_until_disarmed, begin),
-        cmocka_unit_test_setup(a_slot_that_is_well_is_kept_after_20_s, begin),
-        cmocka_unit_test_setup(twenty_seconds_in_one_piece, begin),
+        cmocka_unit_test_setup(a_slot_that_is_well_for_long_enough_is_kept, begin),
+        cmocka_unit_test_setup(well_in_one_piece, begin),
         cmocka_unit_test_setup(one_that_is_not_well_is_given_up_after_a_minute, begin),
         cmocka_unit_test_setup(one_that_is_well_in_the_last_moment_is_given_up_with_a_reason,
                                begin),
