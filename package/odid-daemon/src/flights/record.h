@@ -58,6 +58,12 @@ struct recorder_totals {
     struct recorder_channel_totals channels[CHANNELS];
 };
 
+/* What of these is one number in the record: how it is called there, and here. */
+#define RECORDER_SUMS(time, count)                                                                 \
+    time("armed_s", armed_us) time("unwatched_s", unwatched_us) time("untold_s", untold_us)        \
+        count("faults", faults) count("armed_faults", armed_faults) count("restarts", restarts)    \
+            count("armed_restarts", armed_restarts)
+
 struct recorder_fault {
     char name[RECORDER_NAME_SIZE]; /* empty: this place is free */
     bool there, was_armed;

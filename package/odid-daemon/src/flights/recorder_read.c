@@ -21,6 +21,9 @@ static enum recorder_began take_began(struct json_object *line)
     return recorder_json_true(line, "began_armed") ? RECORDER_ARMED : RECORDER_DISARMED;
 }
 
+#define TAKE_TIME(name, field) totals->field = recorder_json_us(line, name, 0);
+#define TAKE_COUNT(name, field) totals->field = recorder_json_count(line, name);
+
 static void take_totals(struct recorder_flight *flight, struct json_object *line, int64_t at_us)
 {
     struct recorder_totals *totals = &flight->totals;
@@ -29,13 +32,7 @@ static void take_totals(struct recorder_flight *flight, struct json_object *line
     totals->at_us = at_us;
     totals->armed_since_us = recorder_json_us(line, "armed_since", INT64_MIN);
     totals->began = take_began(line);
-    totals->armed_us = recorder_json_us(line, "armed_s", 0);
-    totals->unwatched_us = recorder_json_us(line, "unwatched_s", 0);
-    totals->untold_us = recorder_json_us(line, "untold_s", 0);
-    totals->faults = recorder_json_count(line, "faults");
-    totals->armed_faults = recorder_json_count(line, "armed_faults");
-    totals->restarts = recorder_json_count(line, "restarts");
-    totals->armed_restarts = recorder_json_count(line, "armed_restarts");
+    RECORDER_SUMS(TAKE_TIME, TAKE_COUNT)
     for (enum recorder_fault_kind kind = 0; kind < RECORDER_KINDS; kind++) {
         totals->fault_us[kind] = recorder_json_us(spent, recorder_kind_name(kind), 0);
     }

@@ -507,12 +507,19 @@ static const char *began(enum recorder_began began)
     return began == RECORDER_UNTOLD ? "null" : began == RECORDER_ARMED ? "true" : "false";
 }
 
+#define SAY(form, value)                                                                           \
+    filled += (size_t)snprintf(sums + filled, sizeof(sums) - filled, form, value);
+#define SAY_TIME(name, field) SAY(",\"" name "\":%.2f", seconds(totals->field))
+#define SAY_COUNT(name, field) SAY(",\"" name "\":%u", totals->field)
+
 void recorder_say_totals(struct recorder *recorder)
 {
     const struct recorder_totals *totals = &recorder->totals;
-    char channels[720] = "", faults[320] = "", first[24], heard[24];
+    char channels[720] = "", faults[320] = "", sums[400], first[24], heard[24];
     size_t filled = 0;
 
+    RECORDER_SUMS(SAY_TIME, SAY_COUNT)
+    filled = 0;
     for (enum recorder_fault_kind kind = 0; kind < RECORDER_KINDS; kind++) {
         if (totals->fault_us[kind] > 0) {
             filled += (size_t)snprintf(faults + filled, sizeof(faults) - filled, "%s\"%s\":%.2f",
@@ -534,12 +541,8 @@ void recorder_say_totals(struct recorder *recorder)
             one->gaps, seconds(recorder_open_gap_us(recorder, channel)));
     }
     say(recorder, totals->at_us, "totals",
-        ",\"began_armed\":%s,\"armed_since\":%s,\"armed_s\":%.2f,\"unwatched_s\":%.2f,"
-        "\"untold_s\":%.2f,\"faults\":%u,\"armed_faults\":%u,\"restarts\":%u,"
-        "\"armed_restarts\":%u,\"armed_fault_s\":{%s},\"channels\":{%s}",
-        began(totals->began), instant(totals->armed_since_us, first), seconds(totals->armed_us),
-        seconds(totals->unwatched_us), seconds(totals->untold_us), totals->faults,
-        totals->armed_faults, totals->restarts, totals->armed_restarts, faults, channels);
+        ",\"began_armed\":%s,\"armed_since\":%s%s,\"armed_fault_s\":{%s},\"channels\":{%s}",
+        began(totals->began), instant(totals->armed_since_us, first), sums, faults, channels);
 }
 
 void recorder_end(struct recorder *recorder, int64_t now_us)
