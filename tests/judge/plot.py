@@ -6,10 +6,11 @@ from pathlib import Path
 
 from .conformance import Judgement, Options, tightest_limit_s
 from .intervals import LOCATION_LIMIT_S, OTHER_LIMIT_S, Interval
+from .messages import TYPE_NAMES
 from .receptions import CHANNELS, Run
 
-COLOURS = {"location": "#0b6e8f", "basic_id": "#c8553d", "system": "#6a994e", "operator_id": "#8e5ea2",
-           "self_id": "#e0a030", "authentication": "#7f7f7f"}
+COLOURS = dict.fromkeys(TYPE_NAMES.values(), "#7f7f7f") | {
+    "location": "#0b6e8f", "basic_id": "#c8553d", "system": "#6a994e", "operator_id": "#8e5ea2", "self_id": "#e0a030"}
 CHANNEL_NAMES = {"bt4": "Bluetooth 4 legacy", "bt5": "Bluetooth 5 Long Range", "wifi": "Wi-Fi beacon"}
 
 

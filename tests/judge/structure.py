@@ -9,7 +9,7 @@ Bluetooth 5 and Wi-Fi, single messages on Bluetooth 4, pack order by message typ
 from __future__ import annotations
 
 from .findings import Findings
-from .messages import (MESSAGE_OCTETS, PACK_HEADER_OCTETS, PROTOCOL_VERSION, Message, MessageError,
+from .messages import (MESSAGE_OCTETS, PACK_HEADER_OCTETS, PROTOCOL_VERSION, TYPE_NAMES, Message, MessageError,
                        decode_body, is_pack)
 from .receptions import Reception
 from .tracks import Heard
@@ -86,7 +86,7 @@ def _check_carrier(reception: Reception, findings: Findings) -> None:
 
 
 def _looks_like_header(octet: int, versions=range(PROTOCOL_VERSION + 1)) -> bool:
-    return octet >> 4 <= 5 and octet & 0x0F in versions
+    return octet >> 4 in TYPE_NAMES and octet & 0x0F in versions
 
 
 def _counter_is_missing(payload: bytes) -> bool:
@@ -107,7 +107,7 @@ def _counter_is_missing(payload: bytes) -> bool:
         return _looks_like_header(payload[1], (PROTOCOL_VERSION,)) or (
             _looks_like_header(payload[1]) and not _looks_like_header(payload[2]))
     return (len(payload) == 2 + MESSAGE_OCTETS and payload[-1] == 0
-            and _looks_like_header(payload[1], (PROTOCOL_VERSION,)) and payload[2] >> 4 > 5)
+            and _looks_like_header(payload[1], (PROTOCOL_VERSION,)) and payload[2] >> 4 not in TYPE_NAMES)
 
 
 def _check_pack(reception: Reception, body: bytes, messages: list[Message], findings: Findings) -> None:

@@ -87,7 +87,7 @@ def test_pack():
                            (PACK[:2], "header")):
         with pytest.raises(m.MessageError, match=words):
             m.decode_body(damaged)
-    for damaged in (b"", LOCATION[:24], LOCATION + b"\0", b"\x62" + LOCATION[1:]):
+    for damaged in (b"", LOCATION[:24], LOCATION + b"\0", b"\xe2" + LOCATION[1:]):
         with pytest.raises(m.MessageError):
             m.decode_body(damaged)
 

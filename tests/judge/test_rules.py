@@ -96,7 +96,7 @@ PACK = air.pack([air.basic_id(), PLACE, air.system(1.7e9)])
     ("structure.size", dict(raw=bytes.fromhex("0516faff0d07")), False),
     ("structure.size", dict(channel="wifi", raw=bytes.fromhex("0516faff0d07")), False),
     ("structure.message", dict(body=PLACE[:24]), False),
-    ("structure.message", dict(body=b"\x62" + PLACE[1:]), False),
+    ("structure.message", dict(body=b"\xe2" + PLACE[1:]), False),
     ("structure.duplicate", dict(channel="wifi", body=air.pack([air.basic_id(), air.basic_id()])), True),
 ])
 def test_structure(kind, arguments, readable):
