@@ -1,6 +1,6 @@
 # The release image, made by Buildroot: docs/building.md. Part of the project's Makefile.
 #
-#   BOARD=cm4|qemu         which machine (default: cm4)
+#   BOARD=<board>          which machine, of those in configs (default: cm4)
 #   DL_DIR=<dir>           where sources are kept, Buildroot itself among them (default: build/sources).
 #                          With all of them there (make source) nothing is fetched.
 #   BUILDROOT_DIR=<dir>    a Buildroot of your own instead of the pinned one

@@ -10,7 +10,7 @@ import pytest
 
 TOP = Path(__file__).resolve().parent.parent.parent
 LAYER, OVERLAY, COMMON = TOP / "br2-external", TOP / "overlay", TOP / "board/common"
-BOARDS = ("qemu", "cm4")
+BOARDS = sorted(path.name[len("odid_"):-len("_defconfig")] for path in (TOP / "configs").iterdir())
 PACKAGES = sorted(path.name for path in (LAYER / "package").iterdir())
 MARK = "# --- From here on the same"
 OPTION = re.compile(r"(?:# )?((?:BR2|CONFIG)_\w+)(?:=(.*)| is not set)$")

@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from .shared import OVERLAY, options, read
+from .shared import BOARDS, OVERLAY, options, read
 
 # What scripts want of the kernel without naming a program for it.
 KERNEL = {"lib/odid/update-stick": "USB_STORAGE BLK_DEV_SD VFAT_FS EXFAT_FS EXT4_FS", "etc/nftables.conf": "NF_TABLES_INET NFT_CT",
@@ -48,7 +48,7 @@ def test_a_boot_that_hangs_is_a_restart():
     assert 0 < int(limits.get("CONFIG_WATCHDOG_OPEN_TIMEOUT", 0)) <= 60
 
 
-@pytest.mark.parametrize("board, what", [("qemu", what) for what in DRIVERS] + [("cm4", what) for what in DRIVERS | CM4_DRIVERS])
+@pytest.mark.parametrize("board, what", [(board, what) for board in BOARDS for what in DRIVERS] + [("cm4", what) for what in CM4_DRIVERS])
 def test_the_kernel_has_what_the_board_is_for(board, what):
     fragments = read("board/common/linux.fragment") + read(f"board/{board}/linux.fragment")
     on = {name.removeprefix("CONFIG_") for name, value in options(fragments) if value in ("y", "m")}

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 TOP = Path(__file__).resolve().parents[2]
-BOARDS = ("qemu", "cm4")
+BOARDS = sorted(path.name[len("odid_"):-len("_defconfig")] for path in (TOP / "configs").iterdir())
 
 
 class Image:
