@@ -152,15 +152,15 @@ static struct bluetooth_adapter *add_adapter(const char *name)
 {
     struct bluetooth_adapter *adapter = &self.adapters[self.count++];
 
-    adapter->name = name;
-    adapter->address = self.address;
-    adapter->hci.watch.fd = -1;
-    adapter->reset_first = adapter->long_range_refused = false;
-    adapter->repair_logged_us = INT64_MIN / 2;
-    adapter->repair_from_us = INT64_MIN;
-    adapter->again_wait_us = BLUETOOTH_AGAIN_US;
-    memset(adapter->sets, 0, sizeof(adapter->sets));
-    retry_reset(&adapter->retry);
+    *adapter = (struct bluetooth_adapter){
+        .name = name,
+        .address = self.address,
+        .hci.watch.fd = -1,
+        .timer = adapter->timer, /* of a start before: the loop knows it */
+        .again_wait_us = BLUETOOTH_AGAIN_US,
+        .repair_from_us = INT64_MIN,
+        .repair_logged_us = INT64_MIN / 2,
+    };
     loop_timer_init(&adapter->timer, on_timer, adapter);
     return adapter;
 }
