@@ -49,15 +49,15 @@ struct fake_controller {
     uint64_t features;
     unsigned interval_min; /* 0.625 ms */
     unsigned sets_max;
-    bool refuses_coding;
     uint16_t maximum_data; /* octets of advertising data that it says it takes; 0: it doesn't know
                               the command */
     size_t takes;          /* that it does take */
     /* faults */
-    bool mute, holds, no_room;   /* no answer; no answer yet; answers, but takes no more */
-    uint16_t refused;            /* a command that is refused once, ... */
-    uint8_t refusal;             /* ... with this status */
-    uint16_t refused_long_range; /* the same each time, of long range's set */
+    bool mute, holds, no_room; /* no answer; no answer yet; answers, but takes no more */
+    uint16_t refused;          /* a command that is refused once, ... */
+    uint8_t refusal;           /* ... with this status */
+    /* what is odd about it: with which status it refuses that command; 0: it obeys */
+    uint8_t (*quirk)(uint16_t opcode, const uint8_t *p);
     /* what it was made to do; legacy commands use set 0 */
     bool legacy_used, extended_used;
     struct fake_set sets[2];
@@ -158,7 +158,7 @@ static uint8_t fake_set_extended_parameters(struct fake_controller *fake, const 
     if (set->enabled) {
         return 0x0C;
     }
-    if (p[3] + 256U * p[4] < fake->interval_min || (length == 27 && fake->refuses_coding)) {
+    if (p[3] + 256U * p[4] < fake->interval_min) {
         return 0x12;
     }
     memcpy(set->parameters, p, length);
@@ -227,11 +227,6 @@ static uint8_t fake_extended(struct fake_controller *fake, uint16_t opcode, cons
     }
 }
 
-static bool fake_is_for_long_range(uint16_t opcode, const uint8_t *p)
-{
-    return opcode == 0x2039 ? p[1] == 2 : p[0] == 1;
-}
-
 /* Does what a command says, whoever sent it. Returns the status. */
 static uint8_t fake_obey(struct fake_controller *fake, uint16_t opcode, const uint8_t *p,
                          size_t length)
@@ -240,8 +235,8 @@ static uint8_t fake_obey(struct fake_controller *fake, uint16_t opcode, const ui
         fake->refused = 0;
         return fake->refusal;
     }
-    if (opcode == fake->refused_long_range && fake_is_for_long_range(opcode, p)) {
-        return fake->refusal;
+    if (fake->quirk != NULL && fake->quirk(opcode, p) != 0) {
+        return fake->quirk(opcode, p);
     }
     switch (opcode) {
     case 0x0C03:

@@ -160,15 +160,21 @@ static void an_interval_that_was_refused_is_tried_again(void **state)
     assert_true(both_on_air());
 }
 
+static uint8_t coding_is_refused(uint16_t opcode, const uint8_t *p)
+{
+    (void)p;
+    return opcode == 0x207F ? 0x12 : 0;
+}
+
 static void a_coding_that_was_refused_is_tried_again(void **state)
 {
     (void)state;
     start(CAPABLE);
-    fake.refuses_coding = true;
+    fake.quirk = coding_is_refused;
     begin();
     give_payloads_for(12000);
     assert_null(strstr(bt5.detail, "S=8"));
-    fake.refuses_coding = false;
+    fake.quirk = NULL;
     give_payloads_for(21000);
     assert_non_null(strstr(bt5.detail, "S=8"));
     assert_true(both_on_air());
@@ -237,7 +243,7 @@ static void a_controller_that_only_claims_coding_selection_still_transmits(void 
 {
     (void)state;
     start(CAPABLE);
-    fake.refuses_coding = true;
+    fake.quirk = coding_is_refused;
     begin();
     set_legacy(1);
     set_extended(1);

@@ -329,6 +329,16 @@ static void a_refused_set_up_is_tried_again_later(void **state)
     assert_true(loop_until(both_on_air, 500));
 }
 
+static uint16_t refused_command;
+static uint8_t refused_with;
+
+static uint8_t long_range_is_refused(uint16_t opcode, const uint8_t *p)
+{
+    bool is_its = opcode == 0x2039 ? p[1] == 2 : p[0] == 1;
+
+    return opcode == refused_command && is_its ? refused_with : 0;
+}
+
 /* Whatever it calls that: Bluetooth 4 doesn't stay off the air for it. */
 static void legacy_does_not_wait_for_a_long_range_that_is_refused_each_time(void **state)
 {
@@ -340,8 +350,9 @@ static void legacy_does_not_wait_for_a_long_range_that_is_refused_each_time(void
         unsigned n;
 
         start(CAPABLE);
-        fake.refused_long_range = commands[i];
-        fake.refusal = statuses[i];
+        fake.quirk = long_range_is_refused;
+        refused_command = commands[i];
+        refused_with = statuses[i];
         begin();
         set_legacy(1);
         set_extended(1);
@@ -353,7 +364,7 @@ static void legacy_does_not_wait_for_a_long_range_that_is_refused_each_time(void
         assert_int_not_equal(count_since(n, 0x207F), 0);
         assert_true(legacy_on_air() && bt5_is_given_up());
         assert_int_equal(bt4.failures, 1);
-        fake.refused_long_range = 0;
+        fake.quirk = NULL;
         give_payloads_for(21000);
         assert_true(both_on_air());
         end(state);
