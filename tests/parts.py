@@ -116,8 +116,8 @@ class Bench:
             stale.unlink()
         for stale in (self.set_log, self.pcap, self.folder / "played.jsonl"):
             stale.unlink(missing_ok=True)
-        if (self.folder / "run").exists():
-            shutil.rmtree(self.folder / "run")  # another flight's take-off point is in it
+        shutil.rmtree(self.folder / "run", ignore_errors=True)  # another flight's take-off point is in it
+        (self.folder / "run").mkdir()
         self.rootcanal = Rootcanal(self.folder / "rootcanal.log")
         try:
             self.front = self.add(Part(
@@ -149,7 +149,7 @@ class Bench:
         sections["mavlink"] = {"source": "udp", "udp_port": self.udp_port}
         sections["broadcast"] = {"bt_adapter": f"h4:{self.folder / 'bt'}", "wifi_iface": IFACE,
                                  "hostapd_dir": self.folder / "hostapd"}
-        sections["daemon"] = {"run_dir": self.folder / "run", "user": "root"}
+        sections["daemon"] = {"run_dir": self.folder / "run/odid", "user": "root"}
         for name, keys in self.settings.items():
             sections.setdefault(name, {}).update(keys)
         path = self.folder / "odid.conf"
@@ -173,7 +173,7 @@ class Bench:
 
     def status(self):
         """The daemon's own view, None when it doesn't answer."""
-        result = subprocess.run([CONTROL, "-run-dir", self.folder / "run", "status", "--json"],
+        result = subprocess.run([CONTROL, "-root", self.folder, "status", "--json"],
                                 capture_output=True, text=True, timeout=patience.LIMIT_S)
         return json.loads(result.stdout) if result.stdout else None
 

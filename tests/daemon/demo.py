@@ -65,7 +65,7 @@ def listen(bench, seconds, title):
     judge = bench.judge(seconds, *JUDGED, "--played", FOLDER / "played.jsonl", "--title", title, quiet=False, show=True)
     try:
         time.sleep(max(0, seconds - STATUS_BEFORE_END_S))
-        status = subprocess.run([parts.CONTROL, "-run-dir", bench.folder / "run", "status"],
+        status = subprocess.run([parts.CONTROL, "-root", bench.folder, "status"],
                                 capture_output=True, text=True, timeout=patience.LIMIT_S)
         return judge.wait(patience.BOOTED_S), status.stdout + status.stderr
     finally:

@@ -344,7 +344,7 @@ def test_an_autopilot_that_falls_silent_is_a_remote_id_failure(flying):
 
 def test_the_take_off_point_outlives_a_killed_daemon(flying):
     bench = flying()
-    kept = bench.folder / "run/kept"
+    kept = bench.folder / "run/odid/kept"
     patience.wait_for("take-off to be kept", lambda: kept.exists() and "takeoff" in kept.read_text(), 8, bench.daemon)
     before = view(bench, "operator")
     bench.daemon.stop(signal.SIGKILL)
@@ -426,7 +426,7 @@ def test_the_pilot_is_told_once_a_second_and_when_a_channel_is_lost(flying):
 
 def test_the_pilot_is_told_of_a_channel_that_a_restart_in_flight_did_not_bring_back(flying):
     bench = flying()
-    kept = bench.folder / "run/kept"
+    kept = bench.folder / "run/odid/kept"
     patience.wait_for("take-off to be kept", lambda: kept.exists() and "takeoff" in kept.read_text(), 8, bench.daemon)
 
     def start_daemon():
@@ -471,7 +471,7 @@ def test_an_autopilot_can_be_left_alone(flying, slow):
 
 
 def control(bench, *words):
-    return subprocess.run([parts.CONTROL, "-run-dir", bench.folder / "run", *(words or ("status",))],
+    return subprocess.run([parts.CONTROL, "-root", bench.folder, *(words or ("status",))],
                           capture_output=True, text=True, timeout=patience.LIMIT_S)
 
 

@@ -13,20 +13,22 @@ from models.flight import write_flight
 RECORDER = parts.DAEMON.with_name("odid-recorder")
 
 
+def power_on(bench, number):
+    boot_id = bench.folder / "proc/sys/kernel/random/boot_id"
+    boot_id.parent.mkdir(parents=True, exist_ok=True)
+    boot_id.write_text(f"{number:08}-2222-3333-4444-555555555555\n")
+
+
 def start_recorder(bench):
     """A machine of its own as far as faults and boot id go: one power-on."""
-    root = bench.folder / "root"
-    (root / "run/faults").mkdir(parents=True, exist_ok=True)
-    boot_id = root / "proc/sys/kernel/random/boot_id"
-    boot_id.parent.mkdir(parents=True, exist_ok=True)
-    boot_id.write_text("11111111-2222-3333-4444-555555555555\n")
-    return bench.add(parts.Part(
-        [RECORDER, "-dir", bench.folder / "flights", "-run-dir", bench.folder / "run", "-root", root],
-        bench.folder / "recorder.log"))
+    (bench.folder / "run/faults").mkdir(exist_ok=True)
+    (bench.folder / "data/odid").mkdir(parents=True, exist_ok=True)
+    power_on(bench, 1)
+    return bench.add(parts.Part([RECORDER, "-root", bench.folder], bench.folder / "recorder.log"))
 
 
 def odidctl(bench, *words):
-    result = subprocess.run([parts.CONTROL, "-flights-dir", bench.folder / "flights", "flights", *words],
+    result = subprocess.run([parts.CONTROL, "-root", bench.folder, "flights", *words],
                             capture_output=True, text=True, timeout=patience.LIMIT_S)
     assert result.returncode == 0, result.stderr
     return result.stdout
@@ -43,7 +45,7 @@ def events(flight, name):
 def wait_record(bench, what, condition, number=1):
     """Until the record under way says so; its newest lines are in the recorder's memory, and come within seconds."""
     def so():
-        path = bench.folder / f"flights/{number:05}.jsonl"
+        path = bench.folder / f"data/odid/flights/{number:05}.jsonl"
         return path.exists() and condition(record(bench, number))
     patience.wait_for(what, so, part=bench.recorder, every_s=0.2)
 
@@ -75,14 +77,14 @@ def test_a_flight_with_a_killed_daemon_a_lost_hostapd_and_a_killed_recorder(flyi
     wait_record(flying, "what the new recorder sees", lambda flight: flight["armed_s"] > armed_s)
     killed = time.monotonic()
     flying.hostapd.stop(signal.SIGKILL)
-    (flying.folder / "root/run/faults/hostapd").write_text("hostapd does not run.\n")
+    (flying.folder / "run/faults/hostapd").write_text("hostapd does not run.\n")
     wait_record(flying, "both faults", lambda flight: {"wifi", "hostapd"} <= {
         line["what"] for line in events(flight, "fault")})
     time.sleep(4)
     flying.start_hostapd()
     flying.wait_on_air()
     away_s["wifi"] = time.monotonic() - killed
-    (flying.folder / "root/run/faults/hostapd").unlink()
+    (flying.folder / "run/faults/hostapd").unlink()
     time.sleep(3)
     flying.recorder.stop()
     flight = record(flying)
@@ -106,6 +108,7 @@ def quiet_flight(flying):
     """Ten armed seconds and more, ended as a power cut leaves them. The record, and whether nothing was ever lost."""
     wait_record(flying, "ten armed seconds", lambda flight: flight["armed_s"] > 10)
     flying.recorder.stop(signal.SIGKILL)
+    power_on(flying, 2)
     print(odidctl(flying, "1"))
     return record(flying), ": lost" not in flying.daemon.log()
 
@@ -127,7 +130,7 @@ def test_a_quiet_flight_has_no_gap(flying):
 
 @pytest.mark.timed
 def test_the_disk_is_spared(flying):
-    path = flying.folder / "flights/00001.jsonl"
+    path = flying.folder / "data/odid/flights/00001.jsonl"
     patience.wait_for("the record", path.exists)
     changes, end = set(), time.monotonic() + 21
     while time.monotonic() < end:

@@ -61,11 +61,13 @@ def test_root_follows_no_name_in_the_daemon_s_folder():
     odidctl, which doesn't follow one either."""
     ours = [path for path in OVERLAY.rglob("*") if path.is_file() and not path.is_symlink()]
     assert not [str(path) for path in ours if re.search(r"/run/odid/", path.read_text(errors="replace"))]
-    programs = (ROOT / "package/odid-daemon/src").glob("*/odid_*_main.c")
-    assert not [str(path) for path in programs if re.search(r'RUN_DIR "/(?!run/odid")|"/run/odid/', path.read_text())]
-    marks = (ROOT / "package/odid-daemon/src/appliance/appliance_marks.h").read_text()
-    (updating,) = re.findall(r'#define APPLIANCE_UPDATING "(/run/odid-appliance/\w+)"', marks)
-    assert f": >{updating} " in (OVERLAY / "etc/init.d/S10disk").read_text()
+    source = ROOT / "package/odid-daemon/src"
+    assert not [str(path) for path in source.glob("*/odid_*_main.c") if re.search(r'RUN_DIR "/|"/run/odid/', path.read_text())]
+    (state,) = re.findall(r'#define PLACES_STATE "(/run/odid-appliance)"', (source / "appliance/places.h").read_text())
+    (updating,) = re.findall(r'#define APPLIANCE_UPDATING "(\w+)"', (source / "appliance/appliance_marks.h").read_text())
+    assert f": >{state}/{updating} " in (OVERLAY / "etc/init.d/S10disk").read_text()
+    for program in ("daemon/odid_daemon_main.c", "update/update_places.h"):
+        assert 'STATE "/" APPLIANCE_UPDATING' in (source / program).read_text()
 
 
 

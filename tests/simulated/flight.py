@@ -66,7 +66,6 @@ class Flight:
         return Port(self.world, self.port, on_octets)
 
     def _write_config(self):
-        (self.world.root / "run/odid").mkdir()
         sections = parts.IDENTITY | {
             "mavlink": {"source": "serial", "device": SERIAL} if self.link == "serial" else
             {"source": "udp", "udp_address": self.port[0], "udp_port": self.port[1]},
@@ -83,14 +82,11 @@ class Flight:
 
     def serve(self, name):
         """A service, as the supervisor starts it."""
-        root, run_dir = self.world.root, self.world.root / "run/odid"
-        (root / "run/faults").mkdir(exist_ok=True)
+        root = self.world.root
         if name == "odid-keeper":
             self._start(name, "-faults", root / "run/faults", "--", parts.DAEMON, "-config", self._config, *self.daemon_words)
-        elif name == "odid-recorder":
-            self._start(name, "-root", root, "-run-dir", run_dir, "-dir", self.flights)
         else:
-            self._start(name, "-run-dir", run_dir, "-file", root / "clock", "-release", root / "etc/odid-release")
+            self._start(name, "-root", root)
 
     def unplug_controller(self):
         self.controller.device.unplug()
@@ -109,15 +105,10 @@ class Flight:
         if daemon:
             self.costs_at_first = daemon.pid, daemon.descriptors(), daemon.memory_kib()
 
-    @property
-    def flights(self):
-        """Where the flight records are."""
-        return self.folder / "flights"
-
     def record(self):
         """The newest flight record, as odidctl tells it."""
-        said = subprocess.run([parts.CONTROL, "-flights-dir", self.flights, "flights", "1", "--json"], capture_output=True,
-                              text=True, check=True)
+        said = subprocess.run([parts.CONTROL, "-root", self.world.root, "flights", "1", "--json"], capture_output=True, text=True,
+                              check=True)
         return json.loads(said.stdout)
 
     # --- what happens ----------------------------------------------------------------

@@ -127,8 +127,8 @@ class World:
         folder.mkdir(parents=True)
         # What the programs see instead of this machine's. A UNIX socket's path has 107 octets at most.
         self.root = Path(tempfile.mkdtemp(prefix="odid-"))
-        for there in ("dev", "run"):
-            (self.root / there).mkdir()
+        for there in ("data/odid", "dev", "run/faults", "run/odid"):
+            (self.root / there).mkdir(parents=True)
         self.chance, self.late = random.Random(seed), late
         boot_id = self.root / "proc/sys/kernel/random/boot_id"
         boot_id.parent.mkdir(parents=True)

@@ -1,4 +1,4 @@
-"""The real odid-web on loopback, in folders that stand for the appliance's.
+"""The real odid-web on loopback, in a folder that stands for the appliance's root.
 
 What the appliance's daemon would say is a recording of the real one's (status.json), changed by each
 test as it needs; the updater is Debian's SWUpdate (updater.py), or none.
@@ -93,21 +93,22 @@ class Gate:
 
 
 class Appliance:
-    def __init__(self, folder, flags=()):
+    def __init__(self, folder):
         self.folder = Path(folder)
         # A copy: the checkout may be where the serving half's user can't come, in root's own folder for instance.
-        self.files = shutil.copytree(FILES, self.folder.with_name(f"{self.folder.name}-page"))
-        for name in ("data/odid/flights", "data/secrets", "faults", "run", "state", "updater"):
+        shutil.copytree(FILES, self.folder / "usr/share/odid-web")
+        for name in ("data/odid/flights", "data/secrets", "etc/odid", "lib/odid", "run/faults", "run/odid", "run/odid-appliance",
+                     "run/swupdate"):
             (self.folder / name).mkdir(parents=True)
         (self.folder / "data/secrets").chmod(0o700)
-        self.write("version", "1.4.0\n")
-        self.write("state/slot", "a\n")
+        self.write("etc/odid/version", "1.4.0\n")
+        self.write("run/odid-appliance/slot", "a\n")
         self.write("data/odid/odid.conf", CONFIGURATION)
         self.write("data/secrets/wifi_ssid", SSID + "\n", 0o600)
         key = hashlib.pbkdf2_hmac("sha1", PASSWORD.encode(), SSID.encode(), 4096, 32).hex()
         self.write("data/secrets/maintenance.psk", key + "\n", 0o600)
-        self.write("apply", f"#!/bin/sh\necho applied >>{self.folder}/applied\n", 0o755)
-        self.daemon = Daemon(self.folder / "run")
+        self.write("lib/odid/apply-configuration", f"#!/bin/sh\necho applied >>{self.folder}/applied\n", 0o755)
+        self.daemon = Daemon(self.folder / "run/odid")
         # The port stays ours while the program isn't there: the kernel gives a bound one to nobody else, and the
         # program may bind it, too.
         self.place = socket.socket()
@@ -115,18 +116,14 @@ class Appliance:
         self.place.bind(("127.0.0.1", 0))
         self.port = self.place.getsockname()[1]
         self.keep()
-        self.process, self.flags = None, flags
+        self.process = None
         self.start()
 
     # --- the program ---
 
     def start(self):
         self.log = open(self.folder / "odid-web.log", "ab")
-        places = {"run-dir": "run", "data": "data", "faults": "faults", "state": "state", "apply": "apply",
-                  "flights-dir": "data/odid/flights", "updater": "updater", "image-version": "version"}
-        words = [str(PROGRAM), "-listen", f"127.0.0.1:{self.port}", "-user", USER, "-files", str(self.files), *self.flags]
-        for flag, place in places.items():
-            words += [f"-{flag}", str(self.folder / place)]
+        words = [PROGRAM, "-listen", f"127.0.0.1:{self.port}", "-user", USER, "-root", self.folder]
         self.process = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=self.log, stderr=self.log)
 
         def listens():
@@ -188,7 +185,7 @@ class Appliance:
 
     def update(self, state="idle", percent=None, seconds_left=None, sentence=""):
         """What the update's own services say is going on."""
-        self.write("state/update.json", json.dumps(
+        self.write("run/odid-appliance/update.json", json.dumps(
             {"state": state, "percent": percent, "seconds_left": seconds_left, "sentence": sentence}))
 
     def last_update(self, outcome, sentence, version="1.5.0", at="2026-11-21T10:12:13Z"):
@@ -211,7 +208,7 @@ class Appliance:
         """As the daemon does: armed or not, when it is known."""
         armed = self.daemon.status["aircraft"]["armed"]
         if armed is not None:
-            self.write("run/kept", f"vehicle 1\narmed {'yes' if armed else 'no'}\narmed-once no\n")
+            self.write("run/odid/kept", f"vehicle 1\narmed {'yes' if armed else 'no'}\narmed-once no\n")
 
     # --- asking without a browser ---
 

@@ -35,7 +35,7 @@ def appliance(folder):
 
 @pytest.fixture
 def updater(appliance):
-    made = Updater(appliance.folder / "updater")
+    made = Updater(appliance.folder / "run/swupdate")
     yield made
     made.stop()
 

@@ -154,7 +154,7 @@ def test_partly_on_the_air_says_what_to_do(browse, appliance):
                                        "minute, switch power off and on."),
                                problem("missing operator_id message", "Set [operator] operator_id in odid.conf."),
                                problem("time unknown: time stamps say so", "It comes with a GNSS fix.", "warning")])
-    appliance.write("faults/data", "/data is full: delete what doesn't belong there.\n")
+    appliance.write("run/faults/data", "/data is full: delete what doesn't belong there.\n")
     browser = browse()
     browser.sees("#state-title", "^Only partly on the air$")
     assert browser.kind("#state") == "bad" and "Don't fly" in browser.text("#state-text")
@@ -209,7 +209,7 @@ def test_texts_from_outside_are_no_markup(browse, appliance):
     evil = '<img src=x onerror="document.title=1"><b>x</b>'
     appliance.status(identity__self_id={"description": evil, "type": "text", "source": "native"},
                      problems=[problem(evil, evil)], channels__bt4__detail=evil)
-    appliance.write("faults/evil", evil)
+    appliance.write("run/faults/evil", evil)
     appliance.update("trial", sentence=evil)
     appliance.last_update("refused", evil)
     browser = browse()
@@ -305,8 +305,8 @@ def test_an_update_shows_how_far_it_is_and_how_it_ended(browse, appliance, updat
     browser.sees("#progress-label", "the aircraft restarts")
     appliance.stop()
     browser.sees("#state-title", "^Restarting$")
-    appliance.write("version", "1.5.0\n")
-    appliance.write("state/slot", "b\n")
+    appliance.write("etc/odid/version", "1.5.0\n")
+    appliance.write("run/odid-appliance/slot", "b\n")
     appliance.update("trial", sentence="Version 1.5.0 is on trial.")
     appliance.start()
     browser.page.wait_for_selector("#login:not([hidden])")
@@ -391,7 +391,7 @@ def test_another_update_under_way_is_shown(browse, appliance):
 
 
 def test_an_update_of_whoever_can_be_called_off(browse, appliance):
-    gate = Gate(appliance.folder / "state")
+    gate = Gate(appliance.folder / "run/odid-appliance")
     appliance.update("installing", 10, 40, "Version 1.5.0 is being written.")
     browser = browse()
     browser.sees("#progress-label", "is being written")
@@ -474,7 +474,7 @@ def busy_page(appliance):
     appliance.status(on_air=False, channels__bt4__state="lost",
                      channels__bt4__detail="h4:/dev/serial/by-id/usb-a-very-long-name-without-any-blank@115200",
                      problems=[problem(f"Basic ID is no valid serial: {long}"), problem("x" * 200, "y" * 200, "warning")])
-    appliance.write("faults/data", "/data can't be mounted, and is being repaired. " * 4)
+    appliance.write("run/faults/data", "/data can't be mounted, and is being repaired. " * 4)
     appliance.update("installing", 40, 33, "Installing version 1.5.0-with-a-long-name.")
     appliance.last_update("refused", UNSIGNED, "1.5.0-with-a-long-name-of-a-version-0123456789")
     appliance.write("data/odid/flights/00012.jsonl", record())
@@ -492,7 +492,7 @@ def test_everything_fits_and_can_be_read(browse, appliance, viewport, dark):
     assert faint == {}
     if dark and viewport == LAPTOP:
         appliance.daemon.status = recorded()
-        (appliance.folder / "faults/data").unlink()
+        (appliance.folder / "run/faults/data").unlink()
         appliance.update()
         browser.sees("#state-title", "^On the air$")
         picture(browser, "dark")

@@ -1,4 +1,4 @@
-/* The program odidctl, from beside the test, in folders of the test's own. */
+/* The program odidctl, from beside the test, on an appliance in a folder of the test's own. */
 #ifndef ODID_ODIDCTL_BENCH_H
 #define ODID_ODIDCTL_BENCH_H
 
@@ -72,8 +72,8 @@ static inline int bench_clear(void **state)
 {
     (void)state;
     end_answering();
-    return system("rm -rf data faults run state volume && "
-                  "mkdir -p data/odid data/secrets faults run state volume");
+    return system("rm -rf data run volume && mkdir -p data/odid data/secrets lib/odid run/faults "
+                  "run/odid run/odid-appliance volume");
 }
 
 static inline void put_bytes(const char *path, const char *text, size_t length)
@@ -97,7 +97,7 @@ static inline void keep_armed(const char *armed)
 
     snprintf(text, sizeof(text), "vehicle 7\narmed %s\narmed-once %s\n", armed,
              armed[0] == 'y' ? "yes" : "no");
-    put("run/kept", text);
+    put("run/odid/kept", text);
 }
 
 /* NULL: there is no such file. The next call overwrites it. */
@@ -145,9 +145,8 @@ static inline void read_said(int fd)
 /* Returns the exit code. Words are ended by NULL. */
 static inline int call(const char *const words[])
 {
-    const char *arguments[32] = {odidctl, "-data",  "data",  "-faults", "faults", "-run-dir",
-                                 "run",   "-state", "state", "-apply",  "./apply"};
-    size_t count = 11;
+    const char *arguments[32] = {odidctl, "-root", "."};
+    size_t count = 3;
     int ends[2], status;
     pid_t child;
 
@@ -177,7 +176,7 @@ static inline int call(const char *const words[])
 /* A daemon that answers each question with that status, until it is ended. */
 static inline pid_t answer_with(const char *status)
 {
-    struct sockaddr_un address = {.sun_family = AF_UNIX, .sun_path = "run/status.sock"};
+    struct sockaddr_un address = {.sun_family = AF_UNIX, .sun_path = "run/odid/status.sock"};
     int listener = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
     pid_t child;
 
@@ -203,7 +202,7 @@ static inline void end(pid_t child)
     kill(child, SIGKILL);
     assert_int_equal(waitpid(child, NULL, 0), child);
     answering = 0;
-    unlink("run/status.sock");
+    unlink("run/odid/status.sock");
 }
 
 #endif

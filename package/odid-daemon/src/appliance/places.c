@@ -1,13 +1,35 @@
 #include "appliance/places.h"
 
-#include <stddef.h>
 #include <stdio.h>
+#include <stdlib.h>
 
-void places_config(const struct places *places, char path[PLACES_PATH_SIZE])
+static void fill(const char **place, const char *root, const char *path)
 {
-    if (places->config != NULL) {
-        snprintf(path, PLACES_PATH_SIZE, "%s", places->config);
-    } else {
-        snprintf(path, PLACES_PATH_SIZE, "%s/odid/odid.conf", places->data);
+    char *below;
+
+    if (*place != NULL) {
+        return;
     }
+    if (asprintf(&below, "%s%s", root, path) < 0) {
+        abort(); /* no memory at the very start; and no other root is the one that was meant */
+    }
+    *place = below;
+}
+
+void places_under(struct places *places, const char *root)
+{
+    fill(&places->root, root, "");
+    fill(&places->run_dir, root, PLACES_RUN_DIR);
+    fill(&places->faults, root, PLACES_FAULTS);
+    fill(&places->state, root, PLACES_STATE);
+    fill(&places->swupdate, root, PLACES_SWUPDATE);
+    fill(&places->data, root, PLACES_DATA);
+    fill(&places->config, root, PLACES_CONFIG);
+    fill(&places->flights, root, PLACES_DATA "/odid/flights");
+    fill(&places->clock, root, PLACES_DATA "/clock");
+    fill(&places->release, root, "/etc/odid-release");
+    fill(&places->version, root, PLACES_VERSION);
+    fill(&places->boot_id, root, "/proc/sys/kernel/random/boot_id");
+    fill(&places->apply, root, "/lib/odid/apply-configuration");
+    fill(&places->page, root, "/usr/share/odid-web");
 }

@@ -1,20 +1,39 @@
-/* Where the appliance keeps everything, for those who may be told otherwise. */
+/* Where everything is on the appliance: its programs have it from here. */
 #ifndef ODID_PLACES_H
 #define ODID_PLACES_H
 
+#include <stdbool.h>
+
 #define PLACES_PATH_SIZE 300
 
-/* Where everything is; other places are for tests. */
+/* Also for those who are never below another root. */
+#define PLACES_RUN_DIR "/run/odid"
+#define PLACES_FAULTS "/run/faults"
+#define PLACES_STATE "/run/odid-appliance"
+#define PLACES_SWUPDATE "/run/swupdate"
+#define PLACES_DATA "/data"
+#define PLACES_CONFIG PLACES_DATA "/odid/odid.conf"
+#define PLACES_VERSION "/etc/odid/version"
+
 struct places {
-    const char *run_dir; /* the daemon's status socket: /run/odid */
-    const char *data;    /* what outlasts power-off: /data */
-    const char *faults;  /* a file for each fault of the appliance: /run/faults */
-    const char *state;   /* the appliance's state: /run/odid-appliance */
-    const char *apply;   /* makes a changed configuration count: /lib/odid/apply-configuration */
-    const char *config;  /* the configuration file; NULL: data's */
+    const char *root;     /* what all the others are below: "" on the appliance */
+    const char *run_dir;  /* the daemon's: its status socket, and what it keeps */
+    const char *faults;   /* a file for each fault of the appliance */
+    const char *state;    /* the appliance's state */
+    const char *swupdate; /* SWUpdate's sockets */
+    const char *data;     /* what outlasts power-off */
+    const char *config;   /* the configuration */
+    bool other_config;    /* it was named, and isn't the appliance's */
+    const char *flights;  /* the flight records */
+    const char *clock;    /* the last saved time */
+    const char *release;  /* what was built, and when */
+    const char *version;  /* of the image, one line */
+    const char *boot_id;  /* the kernel's */
+    const char *apply;    /* makes a changed configuration count */
+    const char *page;     /* the technician's page */
 };
 
-/* data's odid/odid.conf, or the file that was named. */
-void places_config(const struct places *places, char path[PLACES_PATH_SIZE]);
+/* Fills in all that isn't named yet, below that folder; "": as on the appliance. For good. */
+void places_under(struct places *places, const char *root);
 
 #endif

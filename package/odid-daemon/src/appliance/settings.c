@@ -156,7 +156,6 @@ static void print_value(const struct config_key *key, const struct config *confi
 int settings_get(const struct places *places, char *const names[])
 {
     static struct sentences ignored;
-    char path[PLACES_PATH_SIZE];
     struct config config;
     char *text;
     size_t length = 0;
@@ -166,8 +165,7 @@ int settings_get(const struct places *places, char *const names[])
             return ODIDCTL_USAGE;
         }
     }
-    places_config(places, path);
-    text = read_text(path, &length); /* unreadable: the defaults are in force */
+    text = read_text(places->config, &length); /* unreadable: the defaults are in force */
     read_config(&config, text, length, &ignored);
     free_text(text, length);
     for (size_t i = 0; names[i] != NULL; i++) {
@@ -192,15 +190,14 @@ enum in_force { NOT_SAID, IN_FORCE, NOT_IN_FORCE };
 static enum in_force look_whether_in_force(const struct places *places)
 {
     uint64_t said = FINGERPRINT_OF_NOTHING;
-    char path[PLACES_PATH_SIZE], saved[20];
+    char saved[20];
     struct json_object *status, *daemon_s;
     struct config config;
     enum in_force found = NOT_SAID;
     int error;
 
-    places_config(places, path);
     config_defaults(&config);
-    config_read_file(&config, path, add_sentence, &said);
+    config_read_file(&config, places->config, add_sentence, &said);
     snprintf(saved, sizeof(saved), "%016" PRIx64, config_fingerprint(&config, said));
     explicit_bzero(config.maintenance_password, sizeof(config.maintenance_password));
     status = status_fetch(places->run_dir, &error);
@@ -367,22 +364,21 @@ static void settle_lost(const struct places *places)
 {
     char mark[PLACES_PATH_SIZE];
 
-    if (places->config == NULL) {
+    if (!places->other_config) {
         snprintf(mark, sizeof(mark), "%s/odid/settings-lost", places->data);
         unlink(mark);
         faults_set(places->faults, "settings", NULL);
     }
 }
 
-static int set_in_file(const struct places *places, const char *path, const struct config_key *key,
-                       const char *value)
+static int set_in_file(const struct places *places, const struct config_key *key, const char *value)
 {
+    const char *path = places->config, *fault;
     static struct sentences before;
     struct config config;
     char written[VALUE_SIZE];
     size_t length;
     char *text = read_text(path, &length);
-    const char *fault;
     int result;
 
     if (text == NULL) {
@@ -440,7 +436,7 @@ static int set_password(const struct places *places, const struct config_key *ke
 int settings_set(const struct places *places, const char *name, char *value)
 {
     const struct config_key *key = find_key(name);
-    char path[PLACES_PATH_SIZE], directory[PLACES_PATH_SIZE], copy[VALUE_SIZE], *slash;
+    char directory[PLACES_PATH_SIZE], copy[VALUE_SIZE], *slash;
     int lock, result;
 
     if (strlen(value) >= sizeof(copy)) {
@@ -453,8 +449,7 @@ int settings_set(const struct places *places, const char *name, char *value)
         explicit_bzero(copy, sizeof(copy));
         return ODIDCTL_USAGE;
     }
-    places_config(places, path);
-    snprintf(directory, sizeof(directory), "%s", path);
+    snprintf(directory, sizeof(directory), "%s", places->config);
     slash = strrchr(directory, '/');
     if (slash == NULL) {
         snprintf(directory, sizeof(directory), ".");
@@ -467,7 +462,7 @@ int settings_set(const struct places *places, const char *name, char *value)
         result = ODIDCTL_NOT_GOOD;
     } else {
         result = config_key_is_secret(key) ? set_password(places, key, copy)
-                                           : set_in_file(places, path, key, copy);
+                                           : set_in_file(places, key, copy);
         close(lock);
     }
     explicit_bzero(copy, sizeof(copy));

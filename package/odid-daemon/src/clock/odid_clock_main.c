@@ -14,6 +14,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "appliance/places.h"
 #include "appliance/status_ask.h"
 #include "base/log.h"
 #include "clock/clock_file.h"
@@ -29,7 +30,7 @@
 #define FAR_US (INT64_C(180) * 86400 * SECOND_US)
 
 static struct {
-    const char *run_dir, *file, *release;
+    struct places places;
     bool boot, dry_run;
     int64_t build_us;
     int64_t save_us; /* CLOCK_MONOTONIC: when the time is to be saved next */
@@ -37,10 +38,7 @@ static struct {
     /* said already, and not to be said again as long as it is so */
     int save_error;
     bool implausible;
-} self = {.run_dir = "/run/odid",
-          .file = "/data/clock",
-          .release = "/etc/odid-release",
-          .build_us = CLOCK_UNKNOWN};
+} self = {.build_us = CLOCK_UNKNOWN};
 
 static int64_t time_us(clockid_t which)
 {
@@ -85,12 +83,13 @@ static int set_clock(int64_t unix_us, const char *why)
 static int64_t read_build_us(void)
 {
     char text[4096] = "";
-    int fd = open(self.release, O_RDONLY | O_CLOEXEC);
+    int fd = open(self.places.release, O_RDONLY | O_CLOEXEC);
     ssize_t length = fd < 0 ? -1 : read(fd, text, sizeof(text) - 1);
     int64_t build_us;
 
     if (length < 0) {
-        log_warning("%s: %s: the time of the build is unknown", self.release, strerror(errno));
+        log_warning("%s: %s: the time of the build is unknown", self.places.release,
+                    strerror(errno));
     }
     if (fd >= 0) {
         close(fd);
@@ -102,7 +101,7 @@ static int64_t read_build_us(void)
     if (build_us == CLOCK_UNKNOWN) {
         log_warning("%s: no line BUILD_TIME= with the seconds since 1970 of a time between 2010 "
                     "and 2100: the time of the build is unknown",
-                    self.release);
+                    self.places.release);
     }
     return build_us;
 }
@@ -112,10 +111,10 @@ static int64_t read_build_us(void)
 static int set_at_boot(void)
 {
     int64_t saved_us, start_us;
-    int result = clock_file_read(self.file, &saved_us);
+    int result = clock_file_read(self.places.clock, &saved_us);
 
     if (result < 0 && result != -ENOENT) {
-        log_warning("%s: %s: the last saved time is unknown", self.file, strerror(-result));
+        log_warning("%s: %s: the last saved time is unknown", self.places.clock, strerror(-result));
     }
     start_us = clock_at_boot_us(self.build_us, saved_us);
     if (start_us == CLOCK_UNKNOWN) {
@@ -133,10 +132,10 @@ static int set_at_boot(void)
 
 static void save(void)
 {
-    int result = self.dry_run ? 0 : clock_file_save(self.file, time_us(CLOCK_REALTIME));
+    int result = self.dry_run ? 0 : clock_file_save(self.places.clock, time_us(CLOCK_REALTIME));
 
     if (result < 0 && result != self.save_error) {
-        log_warning("can't save the time to %s: %s", self.file, strerror(-result));
+        log_warning("can't save the time to %s: %s", self.places.clock, strerror(-result));
     }
     self.save_error = result;
     self.save_us = time_us(CLOCK_MONOTONIC) + SAVE_EVERY_US;
@@ -179,7 +178,7 @@ static void judge_plausibility(int64_t autopilot_us)
 static bool look(void)
 {
     static char answer[STATUS_ANSWER_MAX];
-    ssize_t length = status_ask(self.run_dir, PATIENCE_MS, answer);
+    ssize_t length = status_ask(self.places.run_dir, PATIENCE_MS, answer);
     int64_t autopilot_us;
 
     if (length < 0) {
@@ -241,16 +240,15 @@ static bool give_rights_away(void)
 
 int main(int argc, char *argv[])
 {
-    enum { FLAG_BOOT = 1, FLAG_RUN_DIR, FLAG_FILE, FLAG_RELEASE, FLAG_DRY_RUN, FLAG_VERSION };
+    enum { FLAG_BOOT = 1, FLAG_ROOT, FLAG_DRY_RUN, FLAG_VERSION };
     static const struct option flags[] = {
         {"boot", no_argument, NULL, FLAG_BOOT},
-        {"run-dir", required_argument, NULL, FLAG_RUN_DIR},
-        {"file", required_argument, NULL, FLAG_FILE},
-        {"release", required_argument, NULL, FLAG_RELEASE},
+        {"root", required_argument, NULL, FLAG_ROOT},
         {"dry-run", no_argument, NULL, FLAG_DRY_RUN},
         {"version", no_argument, NULL, FLAG_VERSION},
         {NULL, 0, NULL, 0},
     };
+    const char *root = "";
     int flag;
 
     while ((flag = getopt_long_only(argc, argv, "", flags, NULL)) != -1) {
@@ -258,14 +256,8 @@ int main(int argc, char *argv[])
         case FLAG_BOOT:
             self.boot = true;
             break;
-        case FLAG_RUN_DIR:
-            self.run_dir = optarg;
-            break;
-        case FLAG_FILE:
-            self.file = optarg;
-            break;
-        case FLAG_RELEASE:
-            self.release = optarg;
+        case FLAG_ROOT:
+            root = optarg;
             break;
         case FLAG_DRY_RUN:
             self.dry_run = true;
@@ -284,6 +276,7 @@ int main(int argc, char *argv[])
     if (!self.dry_run && !give_rights_away()) {
         return EXIT_FAILURE;
     }
+    places_under(&self.places, root);
     self.build_us = read_build_us();
     return self.boot ? set_at_boot() : serve();
 }

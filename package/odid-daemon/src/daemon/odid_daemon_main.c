@@ -15,6 +15,7 @@
 
 #include "appliance/appliance_marks.h"
 #include "appliance/kept.h"
+#include "appliance/places.h"
 #include "base/alive.h"
 #include "base/log.h"
 #include "base/loop.h"
@@ -107,7 +108,7 @@ static bool updating(void)
 {
     struct stat file;
 
-    return stat(APPLIANCE_UPDATING, &file) == 0;
+    return stat(PLACES_STATE "/" APPLIANCE_UPDATING, &file) == 0;
 }
 
 static void judge(struct health_input *input, struct health *health, struct aircraft_view *view,

@@ -485,18 +485,3 @@ int flights_show(FILE *out, const char *directory, const char *number, const cha
     return number == NULL ? show_all(out, directory, boot, json)
                           : show_one(out, directory, number, boot, json);
 }
-
-const char *flights_boot(void)
-{
-    static char boot[64];
-    FILE *file = fopen("/proc/sys/kernel/random/boot_id", "re");
-
-    if (file == NULL || fgets(boot, sizeof(boot), file) == NULL) {
-        boot[0] = '\0';
-    }
-    boot[strcspn(boot, "\n")] = '\0';
-    if (file != NULL) {
-        fclose(file);
-    }
-    return boot;
-}

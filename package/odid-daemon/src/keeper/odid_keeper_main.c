@@ -13,6 +13,7 @@
 #include <sys/signalfd.h>
 #include <unistd.h>
 
+#include "appliance/places.h"
 #include "base/log.h"
 #include "base/loop.h"
 #include "base/sandbox.h"
@@ -27,7 +28,6 @@
 #define OFF_AIR_S 5.0
 #define PATIENCE_MIN_S 0.1
 #define PATIENCE_MAX_S 3600.0
-#define FAULTS "/run/faults"
 
 static struct {
     double silent_s, off_air_s;
@@ -42,7 +42,7 @@ static struct {
     bool fault_told; /* that the list of faults can't be written */
 } self = {.silent_s = SILENT_S,
           .off_air_s = OFF_AIR_S,
-          .faults = FAULTS,
+          .faults = PLACES_FAULTS,
           .signals.fd = -1,
           .link_socket = -1};
 

@@ -4,15 +4,13 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "appliance/appliance_marks.h"
 #include "appliance/armed.h"
 #include "base/whole_file.h"
 #include "odidctl/odidctl.h"
 
 /* In data; a boot script sees it, and does it over again when power fails meanwhile. */
 #define MARK "odid/factory-reset"
-
-/* In state, while data is in memory (S30data): the mark would be gone with it. */
-#define IN_MEMORY "data-in-memory"
 
 /* By init's order for it; what isn't an appliance is left alone. */
 static bool restart(const struct places *places)
@@ -35,8 +33,8 @@ int odidctl_factory_reset(const struct places *places)
         fprintf(stderr, "odidctl: %s: no factory reset.\n", why);
         return ODIDCTL_NOT_GOOD;
     }
-    snprintf(path, sizeof(path), "%s/" IN_MEMORY, places->state);
-    if (access(path, F_OK) == 0) {
+    snprintf(path, sizeof(path), "%s/" APPLIANCE_IN_MEMORY, places->state);
+    if (access(path, F_OK) == 0) { /* the mark would be gone with it */
         fputs("odidctl: /data is in memory: no factory reset before it is repaired (odidctl "
               "faults).\n",
               stderr);

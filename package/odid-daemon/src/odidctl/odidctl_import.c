@@ -136,11 +136,8 @@ static void say_nothing(void *context, enum config_severity severity, const char
 /* What is in force now: the defaults when there is nothing that can be read. */
 static void read_in_force(const struct places *places, struct config *config)
 {
-    char path[PLACES_PATH_SIZE];
-
     config_defaults(config);
-    places_config(places, path);
-    config_read_file(config, path, say_nothing, NULL);
+    config_read_file(config, places->config, say_nothing, NULL);
 }
 
 /* What other computers do to a text and is no fault; said so that nobody goes looking for one. */
@@ -183,12 +180,11 @@ static void take_password(struct import *self, const char *path, const char *old
 /* blanked: a right configuration, without its password. Returns whether it is in force. */
 static bool take_config(struct import *self, const char *blanked, size_t length)
 {
-    char path[PLACES_PATH_SIZE];
+    const char *path = self->places->config;
     size_t kept_length = 0;
     char *kept = config_edit_without_secrets(blanked, length, &kept_length);
     int result = kept == NULL ? -ENOMEM : 0;
 
-    places_config(self->places, path);
     if (kept != NULL && !import_kept(path, kept, kept_length)) {
         result = import_keep(path, kept, kept_length, 0644);
         if (result == 0) {

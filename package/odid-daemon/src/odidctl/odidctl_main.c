@@ -8,6 +8,7 @@
 #include <sys/stat.h>
 
 #include "appliance/settings.h"
+#include "base/whole_file.h"
 #include "config/config.h"
 #include "flights/flights_show.h"
 #include "odidctl/odidctl.h"
@@ -36,19 +37,14 @@ static const char usage[] =
     "  odidctl factory-reset             forgets all settings, and takes over what CONFIG has\n"
     "  odidctl --version | --help\n"
     "\n"
-    "Other places than the usual ones: -run-dir DIR, -flights-dir DIR, -config FILE, -data DIR,\n"
-    "-faults DIR, -state DIR, -apply PROGRAM. See odidctl(1) and odid.conf(5).\n";
+    "Other places than the usual ones: -run-dir DIR, -config FILE, -root DIR. See odidctl(1) and\n"
+    "odid.conf(5).\n";
 
 static struct {
     struct places places;
-    const char *flights_dir;
+    const char *root;
     bool json;
-} self = {.places = {.run_dir = "/run/odid",
-                     .data = "/data",
-                     .faults = "/run/faults",
-                     .state = "/run/odid-appliance",
-                     .apply = "/lib/odid/apply-configuration"},
-          .flights_dir = FLIGHTS_DIRECTORY};
+} self = {.root = ""};
 
 /* ---- check ---- */
 
@@ -91,7 +87,10 @@ static int run_watch(char *const words[])
 
 static int run_flights(char *const words[])
 {
-    return flights_show(stdout, self.flights_dir, words[1], flights_boot(), self.json);
+    char boot[64];
+
+    whole_file_line(self.places.boot_id, boot, sizeof(boot));
+    return flights_show(stdout, self.places.flights, words[1], boot, self.json);
 }
 
 static int run_check(char *const words[])
@@ -211,18 +210,7 @@ static int run(int count, char *const words[])
     return wrong_usage("no such command");
 }
 
-enum flag {
-    FLAG_RUN_DIR = 1,
-    FLAG_FLIGHTS_DIR,
-    FLAG_CONFIG,
-    FLAG_DATA,
-    FLAG_FAULTS,
-    FLAG_STATE,
-    FLAG_APPLY,
-    FLAG_JSON,
-    FLAG_HELP,
-    FLAG_VERSION
-};
+enum flag { FLAG_RUN_DIR = 1, FLAG_CONFIG, FLAG_ROOT, FLAG_JSON, FLAG_HELP, FLAG_VERSION };
 
 /* Returns -1 to go on, or the exit code. */
 static int take_flag(int flag)
@@ -231,23 +219,12 @@ static int take_flag(int flag)
     case FLAG_RUN_DIR:
         self.places.run_dir = optarg;
         return -1;
-    case FLAG_FLIGHTS_DIR:
-        self.flights_dir = optarg;
-        return -1;
     case FLAG_CONFIG:
         self.places.config = optarg;
+        self.places.other_config = true;
         return -1;
-    case FLAG_DATA:
-        self.places.data = optarg;
-        return -1;
-    case FLAG_FAULTS:
-        self.places.faults = optarg;
-        return -1;
-    case FLAG_STATE:
-        self.places.state = optarg;
-        return -1;
-    case FLAG_APPLY:
-        self.places.apply = optarg;
+    case FLAG_ROOT:
+        self.root = optarg;
         return -1;
     case FLAG_JSON:
         self.json = true;
@@ -267,12 +244,8 @@ int main(int argc, char *argv[])
 {
     static const struct option flags[] = {
         {"run-dir", required_argument, NULL, FLAG_RUN_DIR},
-        {"flights-dir", required_argument, NULL, FLAG_FLIGHTS_DIR},
         {"config", required_argument, NULL, FLAG_CONFIG},
-        {"data", required_argument, NULL, FLAG_DATA},
-        {"faults", required_argument, NULL, FLAG_FAULTS},
-        {"state", required_argument, NULL, FLAG_STATE},
-        {"apply", required_argument, NULL, FLAG_APPLY},
+        {"root", required_argument, NULL, FLAG_ROOT},
         {"json", no_argument, NULL, FLAG_JSON},
         {"help", no_argument, NULL, FLAG_HELP},
         {"version", no_argument, NULL, FLAG_VERSION},
@@ -296,5 +269,6 @@ int main(int argc, char *argv[])
             count += count <= WORDS_MAX;
         }
     }
+    places_under(&self.places, self.root);
     return run(count, words);
 }

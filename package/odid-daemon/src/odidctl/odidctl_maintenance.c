@@ -5,6 +5,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "appliance/appliance_marks.h"
 #include "appliance/armed.h"
 #include "appliance/password.h"
 #include "odidctl/odidctl.h"
@@ -17,7 +18,7 @@ int odidctl_maintenance(const struct places *places, const char *word)
     const char *why;
     int fd;
 
-    snprintf(path, sizeof(path), "%s/maintenance-asked", places->state);
+    snprintf(path, sizeof(path), "%s/" APPLIANCE_MAINTENANCE, places->state);
     if (!on) {
         if (unlink(path) < 0 && errno != ENOENT) {
             fprintf(stderr, "odidctl: maintenance can't be ended: %s: %s\n", path, strerror(errno));

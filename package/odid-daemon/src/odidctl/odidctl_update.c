@@ -20,7 +20,6 @@
 #include "appliance/update_gate.h"
 #include "appliance/update_names.h"
 #include "appliance/update_offer.h"
-#include "appliance/update_places.h"
 #include "base/utf8.h"
 #include "base/whole_file.h"
 #include "odidctl/odidctl.h"
@@ -320,7 +319,7 @@ static bool is_wanted(const struct places *places, const struct update_bundle *b
                                              .unattended = true};
     bool wanted;
 
-    whole_file_line(VERSION_FILE, running, sizeof(running));
+    whole_file_line(places->version, running, sizeof(running));
     snprintf(path, sizeof(path), "%s/" UPDATE_BACK_FILE, places->data);
     whole_file_line(path, rolled_back, sizeof(rolled_back));
     wanted = update_versions_judge(&versions, why, sizeof(why));
@@ -501,7 +500,7 @@ int odidctl_update(const struct places *places, const char *name)
     struct attempt attempt;
     struct stat file;
 
-    setenv("TMPDIR", "/run/swupdate", 0); /* where libswupdate looks for SWUpdate */
+    setenv("TMPDIR", places->swupdate, 0); /* where libswupdate looks for SWUpdate */
     if (name == NULL) {
         return tell(places);
     }

@@ -3,7 +3,6 @@
  * a second; whatever fails, it goes on.
  */
 #include <errno.h>
-#include <fcntl.h>
 #include <getopt.h>
 #include <signal.h>
 #include <stdio.h>
@@ -13,6 +12,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "appliance/places.h"
 #include "appliance/status_ask.h"
 #include "appliance/update_names.h"
 #include "base/log.h"
@@ -37,19 +37,19 @@
 static const char usage[] =
     "odid-recorder keeps the flight record: was Remote ID on the air the whole flight?\n"
     "\n"
-    "  odid-recorder [-dir DIR] [-run-dir DIR] [-root DIR]\n"
+    "  odid-recorder [-root DIR]\n"
     "\n"
     "See odid-recorder(8); odidctl flights shows what was recorded.\n";
 
 static struct {
-    const char *directory, *run_dir, *root;
+    struct places places;
     struct recorder recorder;
     struct recorder_store store;
     struct recorder_board_reader board;
     int64_t totals_us; /* when the totals were said last */
     bool fault_told;
     ino_t update; /* the file of the last update's result, which is a new one each time */
-} self = {.directory = "/data/odid/flights", .run_dir = "/run/odid", .root = ""};
+} self = {.board.places = &self.places};
 
 static void on_line(void *context, const char *line)
 {
@@ -72,7 +72,7 @@ static void explain(char out[RECORDER_TEXT_SIZE], int error)
 static void look(struct recorder_snapshot *snapshot)
 {
     static char answer[STATUS_ANSWER_MAX];
-    ssize_t length = status_ask(self.run_dir, PATIENCE_MS, answer);
+    ssize_t length = status_ask(self.places.run_dir, PATIENCE_MS, answer);
     struct json_object *status = length < 0 ? NULL : recorder_json_parse(answer, (size_t)length);
 
     memset(snapshot, 0, sizeof(*snapshot));
@@ -89,7 +89,7 @@ static ino_t update_file(char path[256])
 {
     struct stat file;
 
-    snprintf(path, 256, "%s/data/" UPDATE_RESULT_FILE, self.root);
+    snprintf(path, 256, "%s/" UPDATE_RESULT_FILE, self.places.data);
     return stat(path, &file) < 0 ? 0 : file.st_ino;
 }
 
@@ -123,7 +123,7 @@ static void tell_fault(int error)
     char path[256], text[320];
     int length;
 
-    snprintf(path, sizeof(path), "%s" RECORDER_FAULTS_DIRECTORY "/" FAULT_NAME, self.root);
+    snprintf(path, sizeof(path), "%s/" FAULT_NAME, self.places.faults);
     if (error == 0) {
         self.fault_told = unlink(path) < 0 && errno != ENOENT;
         return;
@@ -131,7 +131,7 @@ static void tell_fault(int error)
     length = snprintf(text, sizeof(text),
                       "The flight record can't be written to %s (%s): it is in memory, and lost "
                       "at power-off.\n",
-                      self.directory, strerror(error));
+                      self.places.flights, strerror(error));
     self.fault_told = whole_file_replace(path, text, (size_t)length, 0644) == 0;
 }
 
@@ -159,28 +159,13 @@ static void save_when_due(int64_t now_us)
 
 /* ---- start ---- */
 
-/* The first line of a file, or "". */
-static void read_word(const char *path, char *out, size_t size)
-{
-    int fd = open(path, O_RDONLY | O_CLOEXEC);
-    ssize_t length = fd < 0 ? -1 : read(fd, out, size - 1);
-
-    out[length > 0 ? length : 0] = '\0';
-    out[strcspn(out, "\n")] = '\0';
-    if (fd >= 0) {
-        close(fd);
-    }
-}
-
 /* VERSION= of the appliance; "unknown" where there is none. */
 static void read_image(char out[64])
 {
-    char path[256], line[256];
-    FILE *file;
+    FILE *file = fopen(self.places.release, "re");
+    char line[256];
 
-    snprintf(path, sizeof(path), "%s/etc/odid-release", self.root);
     snprintf(out, 64, "unknown");
-    file = fopen(path, "re");
     while (file != NULL && fgets(line, sizeof(line), file) != NULL) {
         line[strcspn(line, "\r\n")] = '\0';
         if (strncmp(line, "VERSION=", 8) == 0) {
@@ -197,15 +182,14 @@ static void start(int64_t now_us)
     static struct recorder_flight before;
     char boot[64], clean[64], image[64], path[256];
 
-    snprintf(path, sizeof(path), "%s/proc/sys/kernel/random/boot_id", self.root);
-    read_word(path, clean, sizeof(clean));
-    utf8_clean(boot, sizeof(boot), clean);
+    whole_file_line(self.places.boot_id, boot, sizeof(boot));
+    utf8_clean(clean, sizeof(clean), boot);
     read_image(image);
     self.update = update_file(path);
     self.totals_us = now_us;
     self.fault_told = true; /* an earlier process may have: the first write takes it away */
-    if (!recorder_store_open(&self.store, self.directory, boot)) {
-        recorder_start(&self.recorder, on_line, NULL, boot, image, now_us);
+    if (!recorder_store_open(&self.store, self.places.flights, clean)) {
+        recorder_start(&self.recorder, on_line, NULL, clean, image, now_us);
         return;
     }
     recorder_read(&before, self.store.text.bytes, self.store.text.length, NULL, NULL);
@@ -241,27 +225,20 @@ static int run(const sigset_t *signals)
 
 static bool read_options(int argc, char *argv[])
 {
-    enum { FLAG_DIR = 1, FLAG_RUN_DIR, FLAG_ROOT, FLAG_HELP, FLAG_VERSION };
+    enum { FLAG_ROOT = 1, FLAG_HELP, FLAG_VERSION };
     static const struct option flags[] = {
-        {"dir", required_argument, NULL, FLAG_DIR},
-        {"run-dir", required_argument, NULL, FLAG_RUN_DIR},
         {"root", required_argument, NULL, FLAG_ROOT},
         {"help", no_argument, NULL, FLAG_HELP},
         {"version", no_argument, NULL, FLAG_VERSION},
         {NULL, 0, NULL, 0},
     };
+    const char *root = "";
     int flag;
 
     while ((flag = getopt_long_only(argc, argv, "", flags, NULL)) != -1) {
         switch (flag) {
-        case FLAG_DIR:
-            self.directory = optarg;
-            break;
-        case FLAG_RUN_DIR:
-            self.run_dir = optarg;
-            break;
         case FLAG_ROOT:
-            self.root = optarg;
+            root = optarg;
             break;
         case FLAG_HELP:
             fputs(usage, stdout);
@@ -277,6 +254,7 @@ static bool read_options(int argc, char *argv[])
         fprintf(stderr, "odid-recorder: \"%s\" is no option\n\n%s", argv[optind], usage);
         return false;
     }
+    places_under(&self.places, root);
     return true;
 }
 
@@ -298,7 +276,6 @@ int main(int argc, char *argv[])
     }
     signal(SIGPIPE, SIG_IGN); /* a logger that ended doesn't end the record */
     signal(SIGXFSZ, SIG_IGN); /* nor does a limit on files */
-    self.board.root = self.root;
     start(loop_now_us());
     number = run(&signals);
     recorder_end(&self.recorder, loop_now_us());

@@ -66,14 +66,14 @@ static void read_supply(struct recorder_board_reader *reader, struct recorder_bo
     char path[PATH_SIZE], text[32];
     unsigned flags = 0, past, fresh;
 
-    snprintf(path, sizeof(path), "%s" THROTTLED, reader->root);
+    snprintf(path, sizeof(path), "%s" THROTTLED, reader->places->root);
     if (read_line(path, text, sizeof(text))) {
         flags = (unsigned)strtoul(text, NULL, 16); /* with 0x or without */
     }
     past = flags >> PAST_SHIFT;
     fresh = past & ~reader->past_flags;
     reader->past_flags = past;
-    board->undervoltage = (flags & FLAG_UNDERVOLTAGE) != 0 || hwmon_alarm(reader->root);
+    board->undervoltage = (flags & FLAG_UNDERVOLTAGE) != 0 || hwmon_alarm(reader->places->root);
     board->throttled = (flags & FLAGS_SLOW) != 0;
     board->was_undervoltage = (fresh & FLAG_UNDERVOLTAGE) != 0;
     board->was_throttled = (fresh & FLAGS_SLOW) != 0;
@@ -81,20 +81,18 @@ static void read_supply(struct recorder_board_reader *reader, struct recorder_bo
 
 /* ---- the appliance's faults ---- */
 
-static void read_faults(const char *root, struct recorder_board *board)
+static void read_faults(const char *faults, struct recorder_board *board)
 {
     char path[PATH_SIZE], text[512];
-    DIR *directory;
+    DIR *directory = opendir(faults);
     const struct dirent *entry;
 
-    snprintf(path, sizeof(path), "%s" RECORDER_FAULTS_DIRECTORY, root);
-    directory = opendir(path);
     while (directory != NULL && board->faults < RECORDER_BOARD_FAULTS &&
            (entry = readdir(directory)) != NULL) {
         if (entry->d_name[0] == '.') {
             continue; /* one that is being written, too */
         }
-        snprintf(path, sizeof(path), "%s" RECORDER_FAULTS_DIRECTORY "/%.64s", root, entry->d_name);
+        snprintf(path, sizeof(path), "%s/%.64s", faults, entry->d_name);
         if (!read_line(path, text, sizeof(text))) {
             continue; /* it is over just now */
         }
@@ -111,5 +109,5 @@ void recorder_board_read(struct recorder_board_reader *reader, struct recorder_b
 {
     memset(board, 0, sizeof(*board));
     read_supply(reader, board);
-    read_faults(reader->root, board);
+    read_faults(reader->places->faults, board);
 }

@@ -2,12 +2,11 @@
 #ifndef ODID_RECORDER_BOARD_H
 #define ODID_RECORDER_BOARD_H
 
+#include "appliance/places.h"
 #include "recorder/recorder.h"
 
-#define RECORDER_FAULTS_DIRECTORY "/run/faults"
-
 struct recorder_board_reader {
-    const char *root;    /* "" on the appliance; tests have theirs */
+    const struct places *places;
     unsigned past_flags; /* the firmware's "has been", as read last */
 };
 

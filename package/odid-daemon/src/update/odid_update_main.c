@@ -13,12 +13,12 @@
 #include "appliance/faults.h"
 #include "appliance/update_bundle.h"
 #include "appliance/update_gate.h"
-#include "appliance/update_places.h"
 #include "base/log.h"
 #include "base/loop.h"
 #include "base/whole_file.h"
 #include "update/service.h"
 #include "update/update_hawkbit.h"
+#include "update/update_places.h"
 #include "update/update_question.h"
 #include "update/update_slot.h"
 
@@ -478,7 +478,7 @@ static int serve(void)
     bool first = access(STATE "/" UPDATE_STATE_FILE, F_OK) < 0; /* since power-on */
     int result = loop_init();
 
-    setenv("TMPDIR", "/run/swupdate", 0); /* where libswupdate looks for SWUpdate */
+    setenv("TMPDIR", SWUPDATE, 0); /* where libswupdate looks for SWUpdate */
     if (result == 0) {
         result = loop_watch_signals(&self.signals, 0, on_signal, NULL);
     }

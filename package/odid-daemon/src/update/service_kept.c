@@ -6,11 +6,10 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "appliance/appliance_marks.h"
 #include "appliance/faults.h"
-#include "appliance/update_places.h"
 #include "base/log.h"
 #include "update/service.h"
+#include "update/update_places.h"
 
 void service_complain(const char *what, int result)
 {
@@ -27,9 +26,9 @@ void service_show(const struct service *self)
 
     service_complain("the update's state can't be shown", update_write_state(STATE, &self->update));
     if (self->update.state == UPDATE_IDLE || checking) {
-        unlink(APPLIANCE_UPDATING);
+        unlink(UPDATING);
     } else {
-        int fd = open(APPLIANCE_UPDATING, O_WRONLY | O_CREAT | O_CLOEXEC, 0644);
+        int fd = open(UPDATING, O_WRONLY | O_CREAT | O_CLOEXEC, 0644);
 
         if (fd >= 0) {
             close(fd);

@@ -10,11 +10,11 @@
 #include "appliance/armed.h"
 #include "appliance/kept.h"
 #include "appliance/status_fetch.h"
-#include "appliance/update_places.h"
 #include "base/log.h"
 #include "base/whole_file.h"
 #include "update/service.h"
 #include "update/update_hawkbit.h"
+#include "update/update_places.h"
 
 /* ---- how the board is, and was ---- */
 

@@ -6,11 +6,11 @@
 #include <unistd.h>
 
 #include "appliance/faults.h"
-#include "appliance/update_places.h"
 #include "base/log.h"
 #include "base/loop.h"
 #include "base/whole_file.h"
 #include "config/config.h"
+#include "update/update_places.h"
 
 #define SECOND_US 1000000
 #define PAUSE_US INT64_C(600000000)

@@ -11,11 +11,11 @@
 #include "appliance/status_fetch.h"
 #include "appliance/update_bundle.h"
 #include "appliance/update_offer.h"
-#include "appliance/update_places.h"
 #include "base/whole_file.h"
 #include "config/config.h"
 #include "update/update_environment.h"
 #include "update/update_files.h"
+#include "update/update_places.h"
 #include "update/update_slot.h"
 
 #define TRIED DATA "/odid/.remembers"

@@ -8,8 +8,8 @@
 #include <sys/ioctl.h>
 #include <unistd.h>
 
-#include "appliance/update_places.h"
 #include "base/log.h"
+#include "update/update_places.h"
 
 #define HEAD_OCTETS 4096 /* squashfs' own, without which U-Boot takes no slot */
 

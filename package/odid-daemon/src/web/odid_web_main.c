@@ -22,7 +22,6 @@
 #include <unistd.h>
 
 #include "base/log.h"
-#include "flights/flights_show.h"
 #include "web/web_helper.h"
 #include "web/web_server.h"
 
@@ -31,10 +30,7 @@ static const char usage[] =
     "\n"
     "  -listen ADDRESS:PORT  where; default 0.0.0.0:80\n"
     "  -user NAME            whom its serving half becomes; default odid-web; empty: nobody else\n"
-    "  -files DIR            the page's files; default /usr/share/odid-web\n"
-    "  -updater DIR          where SWUpdate's sockets are; default /run/swupdate\n"
-    "  -image-version FILE   default /etc/odid/version\n"
-    "  -run-dir, -flights-dir, -config, -data, -faults, -state, -apply: as of odidctl(1)\n"
+    "  -root DIR             everything else below DIR instead of /; for tests\n"
     "  -help, -version\n";
 
 #define LISTEN_BACKLOG 128 /* of connections that are about to be made */
@@ -46,17 +42,8 @@ static const char usage[] =
 static struct {
     struct places places;
     struct web_server server;
-    const char *listen, *user, *updater;
-} self = {.places = {.run_dir = "/run/odid",
-                     .data = "/data",
-                     .faults = "/run/faults",
-                     .state = "/run/odid-appliance",
-                     .apply = "/lib/odid/apply-configuration"},
-          .server = {.files = "/usr/share/odid-web",
-                     .sources = {.version = "/etc/odid/version", .flights = FLIGHTS_DIRECTORY}},
-          .listen = "0.0.0.0:80",
-          .user = "odid-web",
-          .updater = "/run/swupdate"};
+    const char *root, *listen, *user;
+} self = {.root = "", .listen = "0.0.0.0:80", .user = "odid-web"};
 
 /* ---- the socket ---- */
 
@@ -200,7 +187,7 @@ static int run(void)
     close(ends[1]);
     close(self.server.listener);
     log_info("the technician's page is served on %s", self.listen);
-    web_helper_serve(ends[0], &self.places, self.updater);
+    web_helper_serve(ends[0], &self.places);
     kill(child, SIGKILL);
     if (waitpid(child, &status, 0) == child) {
         log_error("the web server ended (%s %d)", WIFSIGNALED(status) ? "signal" : "exit code",
@@ -211,53 +198,16 @@ static int run(void)
 
 int main(int argc, char *argv[])
 {
-    enum {
-        LISTEN = 1,
-        USER,
-        FILES,
-        UPDATER,
-        IMAGE_VERSION,
-        RUN_DIR,
-        FLIGHTS_DIR,
-        CONFIG,
-        DATA,
-        FAULTS,
-        STATE,
-        APPLY,
-        HELP,
-        VERSION,
-        FLAGS
-    };
+    enum { LISTEN = 1, USER, ROOT, HELP, VERSION, FLAGS };
     static const struct option flags[] = {
-        {"listen", required_argument, NULL, LISTEN},
-        {"user", required_argument, NULL, USER},
-        {"files", required_argument, NULL, FILES},
-        {"updater", required_argument, NULL, UPDATER},
-        {"image-version", required_argument, NULL, IMAGE_VERSION},
-        {"run-dir", required_argument, NULL, RUN_DIR},
-        {"flights-dir", required_argument, NULL, FLIGHTS_DIR},
-        {"config", required_argument, NULL, CONFIG},
-        {"data", required_argument, NULL, DATA},
-        {"faults", required_argument, NULL, FAULTS},
-        {"state", required_argument, NULL, STATE},
-        {"apply", required_argument, NULL, APPLY},
-        {"help", no_argument, NULL, HELP},
-        {"version", no_argument, NULL, VERSION},
-        {NULL, 0, NULL, 0},
+        {"listen", required_argument, NULL, LISTEN}, {"user", required_argument, NULL, USER},
+        {"root", required_argument, NULL, ROOT},     {"help", no_argument, NULL, HELP},
+        {"version", no_argument, NULL, VERSION},     {NULL, 0, NULL, 0},
     };
     const char **const targets[FLAGS] = {
         [LISTEN] = &self.listen,
         [USER] = &self.user,
-        [FILES] = &self.server.files,
-        [UPDATER] = &self.updater,
-        [IMAGE_VERSION] = &self.server.sources.version,
-        [RUN_DIR] = &self.places.run_dir,
-        [FLIGHTS_DIR] = &self.server.sources.flights,
-        [CONFIG] = &self.places.config,
-        [DATA] = &self.places.data,
-        [FAULTS] = &self.places.faults,
-        [STATE] = &self.places.state,
-        [APPLY] = &self.places.apply,
+        [ROOT] = &self.root,
     };
     int flag;
 
@@ -275,5 +225,6 @@ int main(int argc, char *argv[])
         fprintf(stderr, "odid-web: \"%s\" is no option\n\n%s", argv[optind], usage);
         return 2;
     }
+    places_under(&self.places, self.root);
     return run();
 }

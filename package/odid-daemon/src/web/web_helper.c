@@ -171,7 +171,6 @@ int web_helper_update(int helper, const char token[WEB_TOKEN_SIZE], char *senten
 
 static struct {
     const struct places *places;
-    const char *updater;
     struct web_sessions sessions;
     struct stat password; /* the file with its key, when it was looked at last */
 } self;
@@ -297,7 +296,7 @@ static int update(struct answer *answer)
     if (answer->said[0] != '\0') {
         return -1;
     }
-    return web_upload_open(self.updater, answer->said, sizeof(answer->said));
+    return web_upload_open(self.places->swupdate, answer->said, sizeof(answer->said));
 }
 
 static void cancel(struct answer *answer)
@@ -356,7 +355,7 @@ static bool reply(int orders, struct answer *answer, int fd)
     return sendmsg(orders, &message, MSG_NOSIGNAL) >= 0;
 }
 
-void web_helper_serve(int orders, const struct places *places, const char *updater)
+void web_helper_serve(int orders, const struct places *places)
 {
     static struct answer answer;
     struct order order;
@@ -365,7 +364,6 @@ void web_helper_serve(int orders, const struct places *places, const char *updat
     int fd;
 
     self.places = places;
-    self.updater = updater;
     /* MSG_TRUNC: the length as it was sent, so that a longer one isn't taken for an order. */
     while (heard && ((got = recv(orders, &order, sizeof(order), MSG_TRUNC)) > 0 ||
                      (got < 0 && errno == EINTR))) {

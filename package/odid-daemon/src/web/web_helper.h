@@ -76,8 +76,7 @@ bool web_helper_cancel(int helper, const char token[WEB_TOKEN_SIZE], char *sente
 
 /* ---- in root's half ---- */
 
-/* Serves orders from the socket until its other end is closed. updater: the folder of SWUpdate's
- * sockets. */
-void web_helper_serve(int orders, const struct places *places, const char *updater);
+/* Serves orders from the socket until its other end is closed. */
+void web_helper_serve(int orders, const struct places *places);
 
 #endif

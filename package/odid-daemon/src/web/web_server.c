@@ -15,6 +15,7 @@
 #include "web/web_helper.h"
 #include "web/web_places.h"
 #include "web/web_request.h"
+#include "web/web_status.h"
 #include "web/web_upload.h"
 
 /* 192.168.41.0/24 (lib/odid/maintenance). */
@@ -183,7 +184,7 @@ static enum MHD_Result set(struct request *request)
 static enum MHD_Result flights(struct request *request)
 {
     size_t length;
-    char *text = web_flights(&self.server->sources, &length);
+    char *text = web_flights(self.server->places, &length);
 
     if (text == NULL) {
         return web_give_sentence(request->connection, MHD_HTTP_NOT_FOUND,
@@ -196,7 +197,7 @@ static enum MHD_Result flight(struct request *request)
 {
     char path[PLACES_PATH_SIZE], name[40];
 
-    snprintf(path, sizeof(path), "%s/%05u.jsonl", self.server->sources.flights,
+    snprintf(path, sizeof(path), "%s/%05u.jsonl", self.server->places->flights,
              request->target.number);
     snprintf(name, sizeof(name), "flight-%05u.jsonl", request->target.number);
     return web_give_file(request->connection, path, "application/jsonl", name);
@@ -206,7 +207,7 @@ static enum MHD_Result page_file(struct request *request)
 {
     char path[PLACES_PATH_SIZE];
 
-    snprintf(path, sizeof(path), "%s/%s", self.server->files, request->target.file->name);
+    snprintf(path, sizeof(path), "%s/%s", self.server->places->page, request->target.file->name);
     return web_give_file(request->connection, path, request->target.file->type, NULL);
 }
 
@@ -378,8 +379,7 @@ static enum MHD_Result answer(struct request *request)
     case WEB_LOGOUT:
         return logout(request);
     case WEB_STATUS:
-        return web_give_json(request->connection, MHD_HTTP_OK,
-                             web_status(self.server->places, &self.server->sources));
+        return web_give_json(request->connection, MHD_HTTP_OK, web_status(self.server->places));
     case WEB_SET:
         return set(request);
     case WEB_UPLOAD:

@@ -6,14 +6,11 @@
 #define ODID_WEB_SERVER_H
 
 #include "appliance/places.h"
-#include "web/web_status.h"
 
 struct web_server {
-    int listener;      /* a listening, non-blocking TCP socket */
-    int helper;        /* the socket to web_helper_serve */
-    const char *files; /* the page's folder */
+    int listener; /* a listening, non-blocking TCP socket */
+    int helper;   /* the socket to web_helper_serve */
     const struct places *places;
-    struct web_sources sources;
 };
 
 /* Serves for ever. Returns only when it can't: -errno. */

@@ -10,6 +10,7 @@
 #include "appliance/armed.h"
 #include "appliance/faults.h"
 #include "appliance/status_fetch.h"
+#include "appliance/update_names.h"
 #include "base/utf8.h"
 #include "base/whole_file.h"
 #include "flights/flights_show.h"
@@ -65,13 +66,11 @@ static struct json_object *object_of(const char *directory, const char *name)
  */
 static void add_last_update(struct json_object *root, const struct places *places)
 {
-    char directory[PLACES_PATH_SIZE], path[PLACES_PATH_SIZE + 16], mark[64];
-    struct json_object *result;
+    struct json_object *result = object_of(places->data, UPDATE_RESULT_FILE);
+    char path[PLACES_PATH_SIZE], mark[64];
     struct stat file;
 
-    snprintf(directory, sizeof(directory), "%s/odid", places->data);
-    snprintf(path, sizeof(path), "%s/update.json", directory);
-    result = object_of(directory, "update.json");
+    snprintf(path, sizeof(path), "%s/" UPDATE_RESULT_FILE, places->data);
     add(root, "last_update", result);
     if (result == NULL || stat(path, &file) < 0) {
         add(root, "last_update_mark", NULL);
@@ -96,7 +95,7 @@ static const char *silence(int error)
     }
 }
 
-struct json_object *web_status(const struct places *places, const struct web_sources *sources)
+struct json_object *web_status(const struct places *places)
 {
     struct json_object *root = json_object_new_object(), *daemon;
     char path[PLACES_PATH_SIZE];
@@ -109,24 +108,25 @@ struct json_object *web_status(const struct places *places, const struct web_sou
     add(root, "daemon", daemon);
     add(root, "daemon_silence", daemon == NULL ? json_object_new_string(silence(error)) : NULL);
     add(root, "faults", faults_list(places->faults));
-    add(root, "version", line_of(sources->version));
+    add(root, "version", line_of(places->version));
     snprintf(path, sizeof(path), "%s/slot", places->state);
     add(root, "slot", line_of(path));
-    add(root, "update", object_of(places->state, "update.json"));
+    add(root, "update", object_of(places->state, UPDATE_STATE_FILE));
     add_last_update(root, places);
     return root;
 }
 
-char *web_flights(const struct web_sources *sources, size_t *length)
+char *web_flights(const struct places *places, size_t *length)
 {
-    char *text = NULL;
+    char boot[64], *text = NULL;
     FILE *out = open_memstream(&text, length);
     int result;
 
     if (out == NULL) {
         return NULL;
     }
-    result = flights_show(out, sources->flights, NULL, flights_boot(), true);
+    whole_file_line(places->boot_id, boot, sizeof(boot));
+    result = flights_show(out, places->flights, NULL, boot, true);
     if (fclose(out) != 0 || (result != 0 && *length == 0)) {
         free(text);
         return NULL;
@@ -136,7 +136,7 @@ char *web_flights(const struct web_sources *sources, size_t *length)
 
 void web_update_obstacle(const struct places *places, char *sentence, size_t size)
 {
-    struct json_object *update = object_of(places->state, "update.json");
+    struct json_object *update = object_of(places->state, UPDATE_STATE_FILE);
     const char *state = json_object_get_string(json_object_object_get(update, "state"));
     const char *told = json_object_get_string(json_object_object_get(update, "sentence"));
     const char *why = armed_not_disarmed(places);

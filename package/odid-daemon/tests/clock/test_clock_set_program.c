@@ -26,14 +26,18 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "own_folder.h"
 #include "patience.h"
 
-static char directory[32], file[64], release[64], log_path[64], socket_path[64];
+#define SAVED "data/clock"
+#define RELEASE "etc/odid-release"
+#define SOCKET "run/odid/status.sock"
+
 static int listener;
 
 static void write_release(const char *text)
 {
-    int fd = open(release, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+    int fd = open(RELEASE, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
 
     assert_true(fd >= 0);
     assert_int_equal(write(fd, text, strlen(text)), (ssize_t)strlen(text));
@@ -42,19 +46,13 @@ static void write_release(const char *text)
 
 static int set_up(void **state)
 {
-    struct sockaddr_un address = {.sun_family = AF_UNIX};
+    struct sockaddr_un address = {.sun_family = AF_UNIX, .sun_path = SOCKET};
 
     (void)state;
-    snprintf(directory, sizeof(directory), "/tmp/odid-clock-XXXXXX");
-    if (mkdtemp(directory) == NULL) {
+    if (system("rm -rf data etc log run && mkdir -p data etc run/odid") != 0) {
         return -1;
     }
-    snprintf(file, sizeof(file), "%s/clock", directory);
-    snprintf(release, sizeof(release), "%s/release", directory);
-    snprintf(log_path, sizeof(log_path), "%s/log", directory);
-    snprintf(socket_path, sizeof(socket_path), "%s/status.sock", directory);
     write_release("BUILD_TIME=1795255200\n");
-    memcpy(address.sun_path, socket_path, sizeof(socket_path));
     listener = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     return bind(listener, (struct sockaddr *)&address, sizeof(address)) < 0 ||
            listen(listener, 4) < 0;
@@ -63,12 +61,7 @@ static int set_up(void **state)
 static int tear_down(void **state)
 {
     (void)state;
-    close(listener);
-    unlink(file);
-    unlink(release);
-    unlink(log_path);
-    unlink(socket_path);
-    return rmdir(directory);
+    return close(listener);
 }
 
 static pid_t run_clock(const char *mode)
@@ -81,12 +74,12 @@ static pid_t run_clock(const char *mode)
     if (pid == 0) {
         prctl(PR_SET_PDEATHSIG, SIGKILL);
         signal(SIGPIPE, SIG_DFL);
-        log = open(log_path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+        log = open("log", O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
         dup2(log, STDERR_FILENO);
         if (readlink("/proc/self/exe", self, sizeof(self) - 1) > 0) {
             snprintf(path, sizeof(path), "%s/odid-clock", dirname(self));
-            execl(path, "odid-clock", "-run-dir", directory, "-file", file, "-release", release,
-                  mode, mode == NULL ? NULL : "-dry-run", (char *)NULL);
+            execl(path, "odid-clock", "-root", ".", mode, mode == NULL ? NULL : "-dry-run",
+                  (char *)NULL);
         }
         _exit(99);
     }
@@ -96,7 +89,7 @@ static pid_t run_clock(const char *mode)
 static bool log_has(const char *words)
 {
     char text[4096] = "";
-    int fd = open(log_path, O_RDONLY | O_CLOEXEC);
+    int fd = open("log", O_RDONLY | O_CLOEXEC);
 
     if (fd >= 0) {
         if (read(fd, text, sizeof(text) - 1) < 0) {
@@ -175,7 +168,7 @@ static int end(pid_t pid)
 static void save(time_t seconds)
 {
     const struct timespec times[2] = {{.tv_sec = seconds}, {.tv_sec = seconds}};
-    int fd = open(file, O_WRONLY | O_CREAT | O_CLOEXEC, 0644);
+    int fd = open(SAVED, O_WRONLY | O_CREAT | O_CLOEXEC, 0644);
 
     assert_true(fd >= 0);
     assert_int_equal(futimens(fd, times), 0);
@@ -232,7 +225,7 @@ static void without_a_daemon_it_waits(void **state)
     pid_t pid;
 
     (void)state;
-    unlink(socket_path);
+    unlink(SOCKET);
     pid = run_clock("-dry-run");
     until_it_serves(pid);
     usleep(300000); /* it goes on */
@@ -254,17 +247,16 @@ static void at_the_end_it_saves_the_time(void **state)
     write_release("BUILD_TIME=1300000000\n");
     pid = run_clock(NULL);
     answer(1, -1);
-    assert_int_equal(stat(file, &status), -1);
+    assert_int_equal(stat(SAVED, &status), -1);
     assert_int_equal(end(pid), 0);
     assert_false(log_has("the clock"));
-    assert_int_equal(stat(file, &status), 0);
+    assert_int_equal(stat(SAVED, &status), 0);
     assert_in_range(status.st_mtime, time(NULL) - 2, time(NULL));
     assert_int_equal(status.st_size, 0);
 }
 
 static void a_disk_that_is_gone_is_told(void **state)
 {
-    char missing[] = "/nonexistent/clock";
     pid_t pid;
 
     (void)state;
@@ -272,12 +264,12 @@ static void a_disk_that_is_gone_is_told(void **state)
         print_message("skipped: needs root\n");
         skip();
     }
-    snprintf(file, sizeof(file), "%s", missing);
+    assert_int_equal(rmdir("data"), 0);
     write_release("BUILD_TIME=1300000000\n");
     pid = run_clock(NULL);
     answer(1, -1);
     assert_int_equal(end(pid), 0);
-    assert_true(log_has("can't save the time to /nonexistent/clock: No such file or directory"));
+    assert_true(log_has("can't save the time to ./data/clock: No such file or directory"));
 }
 
 int main(void)
@@ -293,5 +285,5 @@ int main(void)
         TEST(a_disk_that_is_gone_is_told),
     };
 
-    return cmocka_run_group_tests(tests, NULL, NULL);
+    return enter_own_folder() < 0 || cmocka_run_group_tests(tests, NULL, leave_own_folder);
 }

@@ -99,7 +99,7 @@ static void wrong_files_are_refused(void **state)
         expect_report(cases[i].sentence);
         expect_report("stays in force");
         expect_report("In force now");
-        assert_non_null(strstr(got("faults/config"), "The volume CONFIG was not taken over"));
+        assert_non_null(strstr(got("run/faults/config"), "The volume CONFIG was not taken over"));
         assert_null(strstr(got(REPORT), "sesame"));
     }
 }
@@ -154,7 +154,7 @@ static void odd_files_are_taken_over(void **state)
 
         bench_clear(NULL);
         put(CONF, BEFORE);
-        put("faults/config", "before\n");
+        put("run/faults/config", "before\n");
         put("volume/._odid.conf", "rubbish");
         snprintf(path, sizeof(path), "volume/%s", cases[i].name);
         put(path, cases[i].text);
@@ -163,7 +163,7 @@ static void odd_files_are_taken_over(void **state)
         expect_report(cases[i].said);
         expect_file(path, cases[i].text);
         assert_null(strstr(got(REPORT), "._odid"));
-        expect_none("faults/config");
+        expect_none("run/faults/config");
     }
 }
 
@@ -176,7 +176,7 @@ static void nothing_on_the_volume(void **state)
     assert_int_equal(CALL("import", "volume"), 0);
     expect_report("There is none on this volume");
     expect_file(CONF, BEFORE);
-    expect_none("faults/config");
+    expect_none("run/faults/config");
 }
 
 static void two_files(void **state)
@@ -319,7 +319,7 @@ static void the_password_is_consumed(void **state)
     assert_non_null(strstr(got(CONF), "channel = 3"));
     assert_int_equal(CALL("get", "maintenance.password"), 0);
     assert_string_equal(said, "set\n");
-    assert_int_equal(system("grep -rq '\"password\"' data volume faults"), 256);
+    assert_int_equal(system("grep -rq '\"password\"' data volume run/faults"), 256);
 }
 
 /* The board's own, as long as nobody gives one: the volume shows it, and the access point takes it.
@@ -536,7 +536,7 @@ static void an_error_behind_many_warnings_is_one(void **state)
     assert_int_equal(CALL("check", "volume"), 1);
     assert_int_equal(CALL("import", "volume"), 1);
     expect_report("NOTHING OF IT WAS TAKEN OVER");
-    assert_int_equal(access("faults/config", F_OK), 0);
+    assert_int_equal(access("run/faults/config", F_OK), 0);
 }
 
 /* ---- volumes that can't be written ---- */
@@ -578,7 +578,7 @@ static void volume_full(void)
     REQUIRE(CALL("import", "volume") == 4);
     REQUIRE(strstr(said, "odid-report.txt can't be written on the volume CONFIG: No space") !=
             NULL);
-    REQUIRE(strstr(got("faults/config"), "No space left") != NULL);
+    REQUIRE(strstr(got("run/faults/config"), "No space left") != NULL);
     /* Taken over all the same, and the password is gone: that needs no space. */
     REQUIRE(strcmp(got(CONF), "[maintenance]\n; password: taken o\n") == 0);
     REQUIRE(strcmp(got("volume/odid.conf"), "[maintenance]\n; password: taken o\n") == 0);
@@ -609,7 +609,7 @@ static void data_full(void)
     put("volume/odid.conf", "[maintenance]\npassword = password\n");
     put("volume/authorized_keys", KEY "\n");
     REQUIRE(CALL("import", "volume") == 1);
-    REQUIRE(strstr(said, "can't be kept in data/odid/odid.conf: No space left") != NULL);
+    REQUIRE(strstr(said, "can't be kept in ./data/odid/odid.conf: No space left") != NULL);
     REQUIRE(strstr(got(REPORT), "can't be kept") != NULL);
     REQUIRE(strcmp(got(CONF), BEFORE) == 0);
     REQUIRE(strstr(got("volume/odid.conf"), "password = password\n") != NULL);

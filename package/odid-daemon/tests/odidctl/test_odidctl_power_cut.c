@@ -124,9 +124,7 @@ static bool run_to(const char *const words[], unsigned last)
 
 static const char *const *set_words(void)
 {
-    static const char *words[] = {NULL,           "-data", "data",   "-run-dir", "run",
-                                  "-state",       "state", "-apply", "./apply",  "set",
-                                  "wifi.channel", "11",    NULL};
+    static const char *words[] = {NULL, "-root", ".", "set", "wifi.channel", "11", NULL};
 
     words[0] = odidctl;
     return words;
@@ -214,8 +212,7 @@ static void the_order_of_the_calls(void **state)
 
 static const char *const *import_words(void)
 {
-    static const char *words[] = {NULL,       "-data", "data",   "-faults", "faults",
-                                  "-run-dir", "run",   "import", "volume",  NULL};
+    static const char *words[] = {NULL, "-root", ".", "import", "volume", NULL};
 
     words[0] = odidctl;
     return words;

@@ -8,6 +8,7 @@
 #include "config/config.h"
 
 #define CONF "data/odid/odid.conf"
+#define APPLY "lib/odid/apply-configuration"
 #define BEGIN "; Kept.\n[wifi]\ncountry = NO ; and this\n\n[broadcast]\nbt5_enabled = off\n"
 #define ANSWER "{\"on_air\": true}"
 
@@ -167,10 +168,10 @@ static void who_saves_settings_has_seen_which_were_lost(void **state)
     for (size_t i = 0; i < COUNT(saved); i++) {
         put(CONF, BEGIN);
         put("data/odid/settings-lost", "0123456789abcdef\n");
-        put("faults/settings", "What was set is lost.\n");
+        put("run/faults/settings", "What was set is lost.\n");
         assert_int_equal(CALL("set", saved[i].key, saved[i].value), saved[i].code);
         assert_int_equal(access("data/odid/settings-lost", F_OK), saved[i].seen ? -1 : 0);
-        assert_int_equal(access("faults/settings", F_OK), saved[i].seen ? -1 : 0);
+        assert_int_equal(access("run/faults/settings", F_OK), saved[i].seen ? -1 : 0);
     }
 }
 
@@ -238,8 +239,8 @@ static pid_t daemon_with(const char *conf)
 
 static void put_apply(const char *script)
 {
-    put("apply", script);
-    assert_int_equal(chmod("apply", 0755), 0);
+    put(APPLY, script);
+    assert_int_equal(chmod(APPLY, 0755), 0);
 }
 
 static void it_is_applied_unless_armed(void **state)
@@ -274,7 +275,7 @@ static void it_is_applied_unless_armed(void **state)
     /* The daemon doesn't answer: what it said last may be old. */
     assert_int_equal(CALL("set", "wifi.channel", "4"), 0);
     assert_non_null(strstr(said, "after the next power-on"));
-    unlink("run/kept");
+    unlink("run/odid/kept");
     assert_int_equal(CALL("set", "wifi.channel", "5"), 0);
     assert_non_null(strstr(said, "after the next power-on"));
     expect_file("applied", "applied\napplied\n");
@@ -282,11 +283,11 @@ static void it_is_applied_unless_armed(void **state)
     daemon = daemon_with("; nothing\n");
 
     /* It is looked whether it did any good: what was wrong before isn't its doing. */
-    put("faults/old", "Something is wrong for 3 s.\n");
-    put_apply("#!/bin/sh\necho 'Something is wrong for 9 s.' >faults/old\n");
+    put("run/faults/old", "Something is wrong for 3 s.\n");
+    put_apply("#!/bin/sh\necho 'Something is wrong for 9 s.' >run/faults/old\n");
     assert_int_equal(CALL("set", "wifi.channel", "7"), 0);
     assert_string_equal(said, "Saved, and in effect.\n");
-    put_apply("#!/bin/sh\necho 'wlan7 is not there.' >faults/wifi\n");
+    put_apply("#!/bin/sh\necho 'wlan7 is not there.' >run/faults/wifi\n");
     assert_int_equal(CALL("set", "broadcast.wifi_iface", "wlan7"), 4);
     assert_string_equal(said, "Saved; but since then: wlan7 is not there.\n");
 
@@ -297,10 +298,10 @@ static void it_is_applied_unless_armed(void **state)
 
     put_apply("#!/bin/sh\nexit 3\n");
     assert_int_equal(CALL("set", "wifi.channel", "6"), 4);
-    assert_non_null(strstr(said, "saved, but ./apply failed"));
+    assert_non_null(strstr(said, "saved, but ./" APPLY " failed"));
     end(daemon);
     expect_in_force("wifi.channel", "6");
-    unlink("apply");
+    unlink(APPLY);
 }
 
 /* ---- what the daemon runs with ---- */
@@ -342,22 +343,22 @@ static void maintenance_on_and_off(void **state)
     assert_int_equal(CALL("maintenance"), 2);
     assert_int_equal(CALL("maintenance", "maybe"), 2);
     assert_int_equal(CALL("maintenance", "on"), 1); /* nobody says that it is disarmed */
-    expect_none("state/maintenance-asked");
+    expect_none("run/odid-appliance/maintenance-asked");
     keep_armed("unheard");
     daemon = answer_with(ANSWER);
     assert_int_equal(CALL("maintenance", "on"), 4);
     assert_non_null(strstr(said, "nobody can join"));
     put("data/secrets/maintenance.psk", "00\n");
     assert_int_equal(CALL("maintenance", "on"), 0);
-    expect_file("state/maintenance-asked", "");
+    expect_file("run/odid-appliance/maintenance-asked", "");
     assert_int_equal(CALL("maintenance", "off"), 0);
-    expect_none("state/maintenance-asked");
+    expect_none("run/odid-appliance/maintenance-asked");
     assert_int_equal(CALL("maintenance", "off"), 0);
     keep_armed("yes");
     assert_int_equal(CALL("maintenance", "on"), 1);
-    expect_none("state/maintenance-asked");
+    expect_none("run/odid-appliance/maintenance-asked");
     keep_armed("no");
-    shell("rm -r state");
+    shell("rm -r run/odid-appliance");
     assert_int_equal(CALL("maintenance", "on"), 1);
     end(daemon);
 }

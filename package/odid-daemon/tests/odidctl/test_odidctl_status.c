@@ -13,17 +13,17 @@ static void faults_in_the_table(void **state)
     (void)state;
     assert_int_equal(CALL("status"), 0);
     assert_null(strstr(said, "The appliance"));
-    put("faults/wireless", "There is no Wi-Fi interface.\n");
-    put("faults/data", "/data is full.");
-    put("faults/empty", "");
-    put("faults/.hidden", "half written\n");
+    put("run/faults/wireless", "There is no Wi-Fi interface.\n");
+    put("run/faults/data", "/data is full.");
+    put("run/faults/empty", "");
+    put("run/faults/.hidden", "half written\n");
     assert_int_equal(CALL("status"), 0); /* they don't say what is on the air */
     assert_non_null(strstr(said, "The appliance\n"
                                  "  data             /data is full.\n"
                                  "  empty            (no more is known)\n"
                                  "  wireless         There is no Wi-Fi interface.\n"));
     assert_null(strstr(said, "half written"));
-    shell("rm -r faults");
+    shell("rm -r run/faults");
     assert_int_equal(CALL("status"), 0);
     end(daemon);
     daemon = answer_with(NOT_ON_AIR);
@@ -52,7 +52,7 @@ static void faults_in_json(void **state)
     struct json_object *status, *faults, *fault;
 
     (void)state;
-    put("faults/data", "/data \"is\" full\x01\xFF.\nmore\n");
+    put("run/faults/data", "/data \"is\" full\x01\xFF.\nmore\n");
     assert_int_equal(CALL("status", "--json"), 0);
     status = json_tokener_parse(said);
     faults = json_object_object_get(status, "appliance_faults");
@@ -62,7 +62,7 @@ static void faults_in_json(void **state)
     assert_string_equal(json_object_get_string(json_object_object_get(fault, "sentence")),
                         "/data \"is\" full??.");
     json_object_put(status);
-    unlink("faults/data");
+    unlink("run/faults/data");
     assert_int_equal(CALL("--json", "status"), 0);
     status = json_tokener_parse(said);
     assert_int_equal(json_object_array_length(json_object_object_get(status, "appliance_faults")),
@@ -79,7 +79,8 @@ static void updates(void **state)
     (void)state;
     assert_int_equal(CALL("status"), 0);
     assert_null(strstr(said, "Updates"));
-    put("state/update.json", "{\"state\": \"trial\", \"sentence\": \"Version 2 is on trial.\"}");
+    put("run/odid-appliance/update.json",
+        "{\"state\": \"trial\", \"sentence\": \"Version 2 is on trial.\"}");
     assert_int_equal(CALL("status"), 0);
     assert_non_null(strstr(said, "Updates\n"
                                  "  Now              Version 2 is on trial.\n"
@@ -97,7 +98,7 @@ static void updates(void **state)
     assert_int_equal(CALL("update"), 0);
     assert_string_equal(said, "Version 2 is on trial.\n"
                               "The last one: The update was refused: why.\n");
-    shell("rm state/update.json data/odid/update.json");
+    shell("rm run/odid-appliance/update.json data/odid/update.json");
     assert_int_equal(CALL("update"), 3);
     end(daemon);
 }
@@ -123,13 +124,13 @@ static void armed_is_what_the_daemon_keeps(void **state)
     keep_armed("unsaid");
     assert_int_equal(CALL("armed"), 0);
     assert_string_equal(said, "unknown never 7\n");
-    put("run/kept", "nonsense");
+    put("run/odid/kept", "nonsense");
     assert_int_equal(CALL("armed"), 0);
-    shell("rm run/kept; ln -s ../kept run/kept; echo armed no >kept");
+    shell("rm run/odid/kept; ln -s ../../kept run/odid/kept; echo armed no >kept");
     assert_int_equal(CALL("armed"), 0);
-    shell("rm run/kept; mkfifo run/kept");
+    shell("rm run/odid/kept; mkfifo run/odid/kept");
     assert_int_equal(CALL("armed"), 0);
-    shell("rm run/kept");
+    shell("rm run/odid/kept");
     keep_armed("no");
     end(daemon);
     assert_int_equal(CALL("armed"), 0);
@@ -145,7 +146,7 @@ static void what_it_says_itself_counts_beside_an_old_no(void **state)
     keep_armed("no");
     assert_int_equal(CALL("armed"), 0);
     assert_string_equal(said, "armed never 7\n");
-    shell("rm run/kept");
+    shell("rm run/odid/kept");
     assert_int_equal(CALL("armed"), 0);
     assert_string_equal(said, "armed never 0\n");
     keep_armed("no");
@@ -163,10 +164,10 @@ static void factory_reset(void **state)
     keep_armed("unheard");
     assert_int_equal(CALL("factory-reset"), 4); /* this is no appliance: nothing is restarted */
     assert_non_null(got("data/odid/factory-reset"));
-    shell("rm data/odid/factory-reset && touch state/data-in-memory");
+    shell("rm data/odid/factory-reset && touch run/odid-appliance/data-in-memory");
     assert_int_equal(CALL("factory-reset"), 1); /* it would be gone with the power */
     expect_none("data/odid/factory-reset");
-    shell("rm -r data state/data-in-memory");
+    shell("rm -r data run/odid-appliance/data-in-memory");
     assert_int_equal(CALL("factory-reset"), 1);
     assert_non_null(strstr(said, "nothing has changed"));
     end(daemon);
@@ -176,9 +177,19 @@ static void factory_reset(void **state)
 static void faults_without_a_daemon(void **state)
 {
     (void)state;
-    put("faults/data", "/data is full.\n");
+    put("run/faults/data", "/data is full.\n");
     assert_int_equal(CALL("status"), 3);
     assert_non_null(strstr(said, "the daemon is not running"));
+    assert_non_null(strstr(said, "/data is full."));
+}
+
+/* With another [daemon] run_dir; the rest is where it always is. */
+static void a_daemon_elsewhere(void **state)
+{
+    (void)state;
+    put("run/faults/data", "/data is full.\n");
+    assert_int_equal(CALL("-run-dir", "elsewhere", "status"), 3);
+    assert_non_null(strstr(said, "(elsewhere/status.sock: "));
     assert_non_null(strstr(said, "/data is full."));
 }
 
@@ -232,6 +243,7 @@ int main(void)
         TEST(what_it_says_itself_counts_beside_an_old_no),
         TEST(factory_reset),
         TEST(faults_without_a_daemon),
+        TEST(a_daemon_elsewhere),
         TEST(nonsense_for_an_answer),
         TEST(wrong_command_lines),
         TEST(check_knows_the_appliance),

@@ -31,10 +31,10 @@ int model_start(void *request, ssize_t size)
         return -1;
     }
     if (takes) {
-        put("state/" UPDATE_STATE_FILE, "{ \"state\": \"waiting-for-reboot\" }\n");
+        put("run/odid-appliance/" UPDATE_STATE_FILE, "{ \"state\": \"waiting-for-reboot\" }\n");
         return open("/dev/null", O_WRONLY | O_CLOEXEC);
     }
-    put("state/" UPDATE_STATE_FILE, "{ \"state\": \"idle\" }\n");
+    put("run/odid-appliance/" UPDATE_STATE_FILE, "{ \"state\": \"idle\" }\n");
     put("data/" UPDATE_RESULT_FILE, "{ \"sentence\": \"It isn't signed.\" }\n");
     return open("/dev/null", O_WRONLY | O_CLOEXEC);
 }
@@ -58,7 +58,7 @@ const char *model_not_disarmed(const struct places *places)
 
 /* ---- tests ---- */
 
-static const struct places places = {.data = "data", .state = "state"};
+static struct places places;
 
 /* A file of that many octets is offered; written at one and the same time, or it would be another.
  */
@@ -74,7 +74,7 @@ static bool is_left_alone(unsigned octets, char identity[UPDATE_IDENTITY_SIZE])
 
 static void switch_off_and_on(void)
 {
-    unlink("state/" UPDATE_STICK_FAILURES_FILE);
+    unlink("run/odid-appliance/" UPDATE_STICK_FAILURES_FILE);
 }
 
 /* Two of them took turns: each was forgotten for the other one, at each power-on. */
@@ -141,7 +141,7 @@ static void one_that_was_written_is_left_alone_whatever_becomes_of_it(void **sta
     takes = true;
     for (unsigned octets = 25; octets <= 26; octets++) {
         switch_off_and_on();
-        put("state/" UPDATE_STATE_FILE, "{ \"state\": \"idle\" }\n");
+        put("run/odid-appliance/" UPDATE_STATE_FILE, "{ \"state\": \"idle\" }\n");
         assert_false(is_left_alone(octets, identity));
         assert_int_equal(try_file(&places, "stick/odid.swu", "2", identity), ODIDCTL_GOOD);
     }
@@ -154,7 +154,9 @@ static void one_that_was_written_is_left_alone_whatever_becomes_of_it(void **sta
 static int in_a_folder(void **state)
 {
     (void)state;
-    return enter_own_folder() < 0 || system("mkdir -p data/odid state stick") != 0 ? -1 : 0;
+    places_under(&places, ".");
+    return enter_own_folder() < 0 || system("mkdir -p data/odid run/odid-appliance stick") != 0 ? -1
+                                                                                                : 0;
 }
 
 int main(void)

@@ -12,27 +12,18 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "own_folder.h"
 #include "recorder/recorder_board.h"
 
-static char root[64];
+static struct places places;
 static struct recorder_board_reader reader;
 static struct recorder_board board;
 
 static int set_up(void **state)
 {
     (void)state;
-    snprintf(root, sizeof(root), "/tmp/odid-board-XXXXXX");
-    reader = (struct recorder_board_reader){.root = root};
-    return mkdtemp(root) == NULL ? -1 : 0;
-}
-
-static int tear_down(void **state)
-{
-    char command[128];
-
-    (void)state;
-    snprintf(command, sizeof(command), "rm -rf %s", root);
-    return system(command);
+    reader = (struct recorder_board_reader){.places = &places};
+    return system("rm -rf run sys");
 }
 
 static void put(const char *path, const char *content)
@@ -40,9 +31,8 @@ static void put(const char *path, const char *content)
     char whole[256];
     FILE *file;
 
-    snprintf(whole, sizeof(whole), "%s%s", root, path);
-    for (char *slash = strchr(whole + strlen(root) + 1, '/'); slash != NULL;
-         slash = strchr(slash + 1, '/')) {
+    snprintf(whole, sizeof(whole), ".%s", path);
+    for (char *slash = strchr(whole + 2, '/'); slash != NULL; slash = strchr(slash + 1, '/')) {
         *slash = '\0';
         mkdir(whole, 0755);
         *slash = '/';
@@ -122,7 +112,7 @@ static void the_appliances_faults(void **state)
 
 int main(void)
 {
-#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+#define TEST(name) cmocka_unit_test_setup(name, set_up)
     const struct CMUnitTest tests[] = {
         TEST(a_board_without_any_of_it),
         TEST(the_kernels_alarm),
@@ -130,5 +120,6 @@ int main(void)
         TEST(the_appliances_faults),
     };
 
-    return cmocka_run_group_tests(tests, NULL, NULL);
+    places_under(&places, ".");
+    return enter_own_folder() < 0 || cmocka_run_group_tests(tests, NULL, leave_own_folder);
 }

@@ -19,27 +19,7 @@
 
 #include "own_folder.h"
 
-/* appliance_marks.h and update_places.h, here. */
-#define ODID_APPLIANCE_MARKS_H
-#define APPLIANCE_UPDATING "state/updating"
-#define ODID_UPDATE_PLACES_H
-#define STATE "state"
-#define DATA "data"
-#define RUN_DIR "run"
-#define VERSION_FILE "version"
-#define SERVICES "services"
-#define INSTALLER "pid"
-#define FAULTS "faults"
-#define SLOTS "slot-"
-#define ENVIRONMENT_CONFIG "fw_env.config"
-#define ENVIRONMENT_DEFAULTS "defaults"
-#define DESCRIPTION "sw-description"
-#define HAWKBIT "swupdate.hawkbit"
-#define HAWKBIT_PAUSE STATE "/hawkbit-pause"
-#define MAINTENANCE STATE "/maintenance-asked"
-#define MAINTENANCE_AGAIN DATA "/odid/maintenance-asked"
-#define CONFIGURATION DATA "/odid/odid.conf"
-#define SSH_KEYS DATA "/ssh/authorized_keys"
+#define ROOT "." /* update_places.h */
 
 int odid_update_main(int argc, char *argv[]);
 static int model_kill(pid_t process, int signal);
@@ -303,8 +283,8 @@ static int setup(void **state)
     memset(&board, 0, sizeof(board));
     board.bt5 = "absent";
     now_us = 100 * SECOND_US;
-    assert_int_equal(system("rm -rf data state faults services swupdate.hawkbit && "
-                            "mkdir -p data/odid data/ssh state faults"),
+    assert_int_equal(system("rm -rf data run && mkdir -p data/odid data/ssh etc/odid run/faults "
+                            "run/odid-appliance run/swupdate"),
                      0);
     return 0;
 }
@@ -772,7 +752,7 @@ static void a_failed_trial_stays_failed_over_its_own_restart(void **state)
     assert_int_equal(board.variables.trial_failed, 'b');
     begin(false);
     assert_int_equal(self.update.state, UPDATE_WAITING);
-    assert_int_equal(access(APPLIANCE_UPDATING, F_OK), 0); /* do not arm */
+    assert_int_equal(access(UPDATING, F_OK), 0); /* do not arm */
     assert_int_equal(board.variables.slot, 'a');
     assert_int_equal(board.variables.trial_failed, 'b');
     pass(10);

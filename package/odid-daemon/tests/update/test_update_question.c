@@ -15,15 +15,7 @@
 
 #include "own_folder.h"
 
-/* update_places.h, here. */
-#define ODID_UPDATE_PLACES_H
-#define DATA "data"
-#define RUN_DIR "run"
-#define FAULTS "faults"
-#define ENVIRONMENT_CONFIG "fw_env.config"
-#define DESCRIPTION "sw-description"
-#define CONFIGURATION DATA "/odid/odid.conf"
-#define IN_MEMORY "data-in-memory"
+#define ROOT "." /* update_places.h */
 
 #define status_fetch model_fetch
 #define kept_read model_kept
@@ -116,7 +108,10 @@ static void offer(const char *version)
 static int in_a_folder(void **state)
 {
     (void)state;
-    return enter_own_folder() < 0 || system("mkdir -p data/odid faults run") != 0 ? -1 : 0;
+    return enter_own_folder() < 0 || system("mkdir -p data/odid run/faults run/odid "
+                                            "run/odid-appliance run/swupdate") != 0
+               ? -1
+               : 0;
 }
 
 /* ---- tests ---- */

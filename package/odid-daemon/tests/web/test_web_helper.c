@@ -10,9 +10,7 @@
 #define ANSWER "{\"on_air\": true}"
 #define NUMBER "FIN87astrdge12k8"
 
-static const struct places places = {
-    .run_dir = "run", .data = "data", .faults = "faults", .state = "state", .apply = "./apply"};
-
+static struct places places;
 static pid_t helper_process;
 static char said_here[WEB_SAID_SIZE];
 
@@ -26,7 +24,7 @@ static int begin_helper(void)
     if (helper_process == 0) {
         prctl(PR_SET_PDEATHSIG, SIGKILL); /* a test that fails doesn't get as far as end_helper */
         close(ends[0]);
-        web_helper_serve(ends[1], &places, "updater");
+        web_helper_serve(ends[1], &places);
         _exit(0);
     }
     close(ends[1]);
@@ -234,8 +232,8 @@ static void settings(void **state)
 
     (void)state;
     keep_armed("no");
-    put("apply", "#!/bin/sh\ntouch applied\n");
-    chmod("apply", 0755);
+    put("lib/odid/apply-configuration", "#!/bin/sh\ntouch applied\n");
+    chmod("lib/odid/apply-configuration", 0755);
     assert_true(web_helper_set(helper, token, WEB_OPERATOR, NUMBER "-xyz", said_here));
     assert_non_null(strstr(said_here, "check character right; the secret part is not kept"));
     assert_non_null(strstr(said_here, "Saved, and in effect."));
@@ -338,5 +336,6 @@ int main(void)
         cmocka_unit_test_setup(the_others_end_is_seen, bench_clear),
     };
 
+    places_under(&places, ".");
     return cmocka_run_group_tests(tests, bench_make, bench_remove);
 }
