@@ -9,6 +9,7 @@ import sys
 import parts
 import pytest
 
+SYS_IOCTL = {"x86_64": 16, "aarch64": 29}[os.uname().machine]
 CONFINE = parts.DAEMON.with_name("odid-confine")
 TRY = """
 import ctypes, socket, sys
@@ -52,6 +53,17 @@ def test_the_program_s_status_is_its_own_and_nothing_gives_it_rights():
 def test_what_can_t_be_started(words, status):
     said = subprocess.run([CONFINE, *words], capture_output=True, text=True)
     assert said.returncode == status and said.stderr.count("\n") == 1 and "odid-confine" in said.stderr
+
+
+@pytest.mark.parametrize("upper", [0, 1 << 32])
+def test_no_controller_is_made_of_a_pseudo_terminal(upper):
+    """The line discipline N_HCI: with CAP_NET_ADMIN it took the name of an adapter that was unplugged."""
+    program = (f"import ctypes, os, sys, termios; libc = ctypes.CDLL(None, use_errno=True); _, slave = os.openpty(); "
+               f"made = libc.syscall(ctypes.c_long({SYS_IOCTL}), ctypes.c_long(slave), ctypes.c_long(termios.TIOCSETD | {upper}), "
+               f"ctypes.byref(ctypes.c_int(0))); sys.exit(0 if made >= 0 else ctypes.get_errno())")
+    python = os.path.realpath(sys.executable)
+    assert subprocess.run([python, "-c", program]).returncode == 0, "N_TTY is anybody's"
+    assert subprocess.run([CONFINE, python, "-c", program]).returncode == errno.EPERM
 
 
 # --- with the network's rights (-u), as hostapd --------------------------------

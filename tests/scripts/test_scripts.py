@@ -397,6 +397,8 @@ def test_only_mavlink_router_speaks_to_another_program(appliance):
     assert 'iif "lo" ip protocol udp rt ip nexthop >= 0.0.0.0 accept\n\t\tiif "lo" ip protocol udp counter drop\n' in rules
     for outside in ("rt ip nexthop >= 0.0.0.0", "ip daddr 127.0.0.0/8", "ip saddr 127.0.0.0/8"):
         assert f"\t\t{outside} counter drop\n" in rules
+    # Source routing changes where a packet goes after prerouting.
+    assert rules.index("ip daddr 127.0.0.0/8 counter drop", rules.index("chain input")) < rules.index("ct state established")
     assert "-u mavlink:" in appliance.read("etc/sv/mavlink-router/run")
 
 
@@ -445,6 +447,17 @@ grep '^hostapd /run/hostapd' /proc/mounts >/mounted
     # Made for everybody, it took somebody else's socket in the moment before chmod.
     assert "mode=700" in mounted and "size=64k" in mounted and "nr_inodes=16" in mounted and "noexec" in mounted
     assert appliance.read("sys/fs/cgroup/hostapd/memory.max").strip() == str(24 << 20)
+
+
+def test_a_radio_s_interface_is_no_device_of_its_name(appliance):
+    """hostapd made one called ttyACM0, and deleted it: mdev ended mavlink-router and removed the autopilot's port; each of another
+    name began with eth left a process of root's."""
+    rules = [line for line in appliance.read("etc/mdev.conf").splitlines() if line and not line.startswith("#")]
+    assert rules[0].split() == ["SUBSYSTEM=net;.*", "root:root", "660", "!", "*/lib/odid/device-network"]
+    for name in ("eth0", "ethA", "usb0"):
+        appliance.write(f"sys/class/net/{name}/phy80211/name", "phy0\n")
+        appliance.must(f"MDEV={name} ACTION=add /lib/odid/device-network")
+    assert appliance.calls() == [] and not list((appliance.root / "run").glob("service/udhcpc-*"))
 
 
 def test_only_the_daemon_blocks_and_unblocks_radios(appliance):

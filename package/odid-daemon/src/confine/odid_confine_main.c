@@ -16,6 +16,7 @@
 #include <stdbool.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/ioctl.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/socket.h>
@@ -71,8 +72,13 @@ static int refuse_sockets(scmp_filter_ctx filter, uint32_t refuse, bool has_righ
 static int add_refusals(scmp_filter_ctx filter, bool has_rights)
 {
     const uint32_t refuse = SCMP_ACT_ERRNO(EPERM);
+    const uint64_t number = UINT32_MAX; /* what the kernel looks at */
     int result = seccomp_rule_add(filter, refuse, SCMP_SYS(io_uring_setup), 0);
 
+    if (result == 0) { /* by a line discipline a pseudo-terminal becomes a Bluetooth controller */
+        result = seccomp_rule_add(filter, refuse, SCMP_SYS(ioctl), 1,
+                                  SCMP_A1(SCMP_CMP_MASKED_EQ, number, TIOCSETD));
+    }
     return result < 0 ? result : refuse_sockets(filter, refuse, has_rights);
 }
 
