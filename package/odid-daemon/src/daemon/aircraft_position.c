@@ -326,6 +326,7 @@ bool aircraft_take_location(struct aircraft *aircraft, const struct telemetry_up
 {
     struct aircraft_native_location *native = &aircraft->native_location;
     int64_t instant_us = now_us;
+    bool instant_known;
 
     if (!native_moved(aircraft, update)) {
         return false;
@@ -337,8 +338,7 @@ bool aircraft_take_location(struct aircraft *aircraft, const struct telemetry_up
                                update->location.status == native->received.location.status
                            ? native->statuses + 1
                            : 1;
-    native->instant_known =
-        native_instant(aircraft, update->location.timestamp_s, now_us, &instant_us);
+    instant_known = native_instant(aircraft, update->location.timestamp_s, now_us, &instant_us);
     native->said_us = instant_us;
     native->received = *update;
     native->timestamp_s = update->location.timestamp_s;
@@ -349,10 +349,11 @@ bool aircraft_take_location(struct aircraft *aircraft, const struct telemetry_up
     if (!counts(aircraft, update->location.latitude_deg, update->location.longitude_deg, now_us)) {
         return false;
     }
-    native->counted = *update;
-    if (native->altitude_geodetic_m != update->location.altitude_geodetic_m) {
+    if (native->counted.location.altitude_geodetic_m != update->location.altitude_geodetic_m) {
         aircraft->native.climbed_us = now_us;
     }
+    native->counted = *update;
+    native->instant_known = instant_known;
     native->altitude_geodetic_m = update->location.altitude_geodetic_m;
     native->altitude_barometric_m = update->location.altitude_barometric_m;
     correct_px4(aircraft, native);

@@ -63,7 +63,7 @@ struct aircraft_native_location {
     struct telemetry_update counted;  /* the one whose position is native.fix_us's */
     unsigned statuses;                /* so many in a row have said the same status */
     double timestamp_s;
-    bool instant_known; /* the timestamp could be laid on our clock */
+    bool instant_known; /* of the one that counted: its timestamp could be laid on our clock */
     double altitude_geodetic_m, altitude_barometric_m; /* corrected for the sender's habits */
 };
 

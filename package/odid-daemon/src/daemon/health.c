@@ -327,7 +327,7 @@ static void judge_altitudes(struct health *health, const struct health_input *in
                     "(docs/autopilots.md).",
                     "height above take-off unknown");
         }
-        if (isnan(location->altitude_geodetic_m)) {
+        if (isnan(location->altitude_geodetic_m) && !input->condition->altitudes_differ) {
             WARNING("GPS_RAW_INT doesn't say it: set this port to MAVLink 2 (docs/autopilots.md).",
                     "altitude above the ellipsoid unknown");
         }
@@ -501,9 +501,10 @@ static void judge_contradictions(struct health *health, const struct health_inpu
                 "altitude differs from GNSS");
     }
     if (input->condition->altitudes_differ) {
-        WARNING("The native LOCATION has another altitude than telemetry, perhaps above the sea: "
-                "telemetry's is broadcast.",
-                "native altitude not believed");
+        WARNING(
+            "The native LOCATION has another altitude than telemetry, perhaps above the sea: it "
+            "isn't broadcast.",
+            "native altitude not believed");
     }
     if (input->condition->landed_state_wrong) {
         WARNING("It contradicts height and movement: armed or not counts instead. Restart the "

@@ -459,6 +459,29 @@ static int64_t hang_while_the_receiver_flies(void)
     return counted_us;
 }
 
+/* A LOCATION that goes on without a fix and without a time takes none from the one that counted. */
+static void a_native_place_keeps_its_time(void **state)
+{
+    (void)state;
+    fly(2);
+    sim.position = false;
+    for (unsigned i = 0; i < 40; i++) {
+        struct telemetry_update update = native_of(now_us);
+
+        if (i == 20) {
+            sim.fix_type = GPS_FIX_TYPE_NO_FIX;
+            fly(1.2); /* that is said */
+        }
+        if (i >= 20) {
+            update.location.timestamp_s = NAN;
+        }
+        give(&update);
+        fly(0.2);
+        assert_true(i < 16 || !isnan(view.location.timestamp_s));
+    }
+    assert_false(view.location.position_fresh);
+}
+
 static void a_place_where_its_receiver_is_not_does_not_count(void **state)
 {
     int64_t counted_us;
@@ -762,6 +785,7 @@ int main(void)
         cmocka_unit_test_setup(a_second_receivers_fix_is_one, begin_setup),
         cmocka_unit_test_setup(a_fix_that_is_lost_is_lost_for_the_native_position_too, begin_setup),
         cmocka_unit_test_setup(a_place_where_its_receiver_is_not_does_not_count, begin_setup),
+        cmocka_unit_test_setup(a_native_place_keeps_its_time, begin_setup),
         cmocka_unit_test_setup(a_receiver_without_height_is_compared, begin_setup),
         cmocka_unit_test_setup(a_place_that_was_contradicted_does_not_come_back_by_silence,
                                begin_setup),
