@@ -148,11 +148,17 @@ static void append_restarts(char sentence[FLIGHT_SENTENCE_SIZE],
 /* What was before the record, or is behind it, nobody saw: another record, or none, has it. */
 static void append_bounds(char sentence[FLIGHT_SENTENCE_SIZE], const struct flight *flight)
 {
+    char lasted[32];
+
     if (flight->record.totals.began == RECORDER_ARMED) {
         append(sentence, ", armed when the record began");
     }
     if (!flight->running && flight->record.totals.armed_since_us != INT64_MIN) {
         append(sentence, ", the record ends while armed");
+    }
+    if (flight->record.totals.armed_us > 0 && flight->record.totals.untold_later_us > 0) {
+        duration_text(lasted, sizeof(lasted), seconds(flight->record.totals.untold_later_us));
+        append(sentence, "; nobody said for %s whether it was armed", lasted);
     }
 }
 

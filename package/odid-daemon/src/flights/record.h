@@ -52,6 +52,7 @@ struct recorder_totals {
     int64_t armed_us;                  /* the time armed, all together */
     int64_t unwatched_us;              /* of it: nobody looked, for some seconds each time */
     int64_t untold_us;                 /* not armed as far as is known, and nobody said whether */
+    int64_t untold_later_us;           /* of it: behind the first word */
     unsigned faults, armed_faults;     /* all; those that were there while armed */
     unsigned restarts, armed_restarts; /* of the daemon; those while armed */
     int64_t fault_us[RECORDER_KINDS];  /* while armed */
@@ -61,8 +62,9 @@ struct recorder_totals {
 /* What of these is one number in the record: how it is called there, and here. */
 #define RECORDER_SUMS(time, count)                                                                 \
     time("armed_s", armed_us) time("unwatched_s", unwatched_us) time("untold_s", untold_us)        \
-        count("faults", faults) count("armed_faults", armed_faults) count("restarts", restarts)    \
-            count("armed_restarts", armed_restarts)
+        time("untold_later_s", untold_later_us) count("faults", faults)                            \
+            count("armed_faults", armed_faults) count("restarts", restarts)                        \
+                count("armed_restarts", armed_restarts)
 
 struct recorder_fault {
     char name[RECORDER_NAME_SIZE]; /* empty: this place is free */

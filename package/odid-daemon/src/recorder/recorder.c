@@ -344,6 +344,7 @@ static void take_untold(struct recorder *recorder, bool told)
     bool counts = recorder->untold || untold_us > UNTOLD_US;
 
     totals->untold_us += counts ? untold_us : 0;
+    totals->untold_later_us += counts && totals->began != RECORDER_UNTOLD ? untold_us : 0;
     recorder->untold = counts && !told && !recorder_armed(recorder);
     if (counts || told || recorder_armed(recorder)) {
         recorder->told_us = totals->at_us;

@@ -531,6 +531,7 @@ static void that_nobody_said_whether_it_was_armed_is_counted(void **state)
     bench.snapshot.armed_known = true;
     pass(9);
     assert_int_equal(look()->totals.untold_us, 63 * SECOND);
+    assert_int_equal(bench.flight.totals.untold_later_us, 63 * SECOND);
     assert_int_equal(bench.flight.totals.armed_us, 101 * SECOND);
 }
 
