@@ -341,22 +341,15 @@ static int write_value(const char *path, const char *text, size_t length,
     return result;
 }
 
-static int say_written(const char *path, int result)
+static int say_unwritten(const char *path, int result)
 {
-    switch (result) {
-    case 0:
-        return ODIDCTL_GOOD;
-    case 1:
-        puts("It is set to that already.");
-        return ODIDCTL_GOOD;
-    case -EINVAL:
+    if (result == -EINVAL) {
         fputs("odidctl: a line of odid.conf can't hold that value; nothing was changed.\n", stderr);
-        return ODIDCTL_NOT_GOOD;
-    default:
+    } else {
         fprintf(stderr, "odidctl: %s can't be written: %s; nothing was changed.\n", path,
                 strerror(-result));
-        return ODIDCTL_NOT_GOOD;
     }
+    return ODIDCTL_NOT_GOOD;
 }
 
 /* Who saves settings has seen which ones are in force: that others were lost is over (S30data). */
@@ -410,7 +403,11 @@ static int set_in_file(const struct places *places, const struct config_key *key
         fputs("Nothing was changed.\n", stderr);
         return ODIDCTL_NOT_GOOD;
     }
-    return result == 0 ? apply(places) : say_written(path, result);
+    if (result == 1) { /* it may have been saved while armed, or in vain */
+        puts("It is set to that already.");
+        return access(places->apply, X_OK) < 0 ? ODIDCTL_GOOD : apply(places);
+    }
+    return result == 0 ? apply(places) : say_unwritten(path, result);
 }
 
 /* It never gets into the file: only the key that is made of it is kept. */

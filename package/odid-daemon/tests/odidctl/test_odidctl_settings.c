@@ -258,16 +258,20 @@ static void it_is_applied_unless_armed(void **state)
     assert_string_equal(said, "Saved, and in effect.\n");
     expect_file("applied", "applied\n");
     assert_int_equal(CALL("set", "wifi.channel", "1"), 0);
-    assert_string_equal(said, "It is set to that already.\n");
-    expect_file("applied", "applied\n");
+    assert_string_equal(said, "It is set to that already.\nSaved, and in effect.\n");
+    expect_file("applied", "applied\napplied\n");
 
     keep_armed("yes");
     assert_int_equal(CALL("set", "wifi.channel", "2"), 0);
     assert_non_null(strstr(said, "after the next power-on"));
-    expect_file("applied", "applied\n");
+    expect_file("applied", "applied\napplied\n");
     expect_in_force("wifi.channel", "2");
 
+    /* The same once more, on the ground. */
     keep_armed("no");
+    unlink("applied");
+    assert_int_equal(CALL("set", "wifi.channel", "2"), 0);
+    expect_file("applied", "applied\n");
     assert_int_equal(CALL("set", "wifi.channel", "3"), 0);
     expect_file("applied", "applied\napplied\n");
     end(daemon);
