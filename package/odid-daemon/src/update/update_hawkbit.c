@@ -42,7 +42,9 @@ static void end_report(void *context, int64_t now_us)
 {
     (void)context;
     (void)now_us;
-    hawkbit.restart(); /* without it */
+    if (is_paused()) {
+        hawkbit.restart(); /* without it */
+    }
 }
 
 static void end_pause(void *context, int64_t now_us)
@@ -152,12 +154,23 @@ static void leave_alone(const char *how, int64_t now_us)
     update_hawkbit_pause(now_us); /* it is about to start */
 }
 
+/* What the one before has done says nothing of another server. */
+static void begin_anew(void)
+{
+    unlink(HAWKBIT_PAUSE);
+    faults_set(FAULTS, SERVER_FAULT, NULL);
+    hawkbit.reporting_until_us = 0;
+    hawkbit.pause_us = PAUSE_US;
+    hawkbit.failed = hawkbit.lost = 0;
+}
+
 void update_hawkbit_follow_configuration(void)
 {
     ino_t before = hawkbit.configured;
 
     hawkbit.configured = configuration_file();
     if (before != 0 && before != hawkbit.configured) {
+        begin_anew();
         hawkbit.restart();
     }
 }

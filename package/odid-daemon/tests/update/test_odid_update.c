@@ -537,6 +537,7 @@ static void settings_of_its_server_s_count_when_no_update_is_going_on(void **sta
     slot_a_runs_1_0_0_and_asks_a_server();
     pass(5);
     assert_int_equal(board.ended, 0);
+    update_hawkbit_pause(now_us); /* the old one's: the new one is asked at once */
     written();
     assert_int_equal(rename(HAWKBIT, "old"), 0); /* another file has another number */
     put(HAWKBIT, "-u https://elsewhere.example.org\n");
@@ -548,7 +549,8 @@ static void settings_of_its_server_s_count_when_no_update_is_going_on(void **sta
     swupdate_ends(false);
     pass(5);
     assert_int_equal(board.ended, 1);
-    assert_int_equal(access(HAWKBIT_PAUSE, F_OK), -1); /* that says nothing of its server */
+    assert_int_equal(access(HAWKBIT_PAUSE, F_OK), -1);
+    assert_true(hawkbit.pause_us == PAUSE_US && hawkbit.lost == 0);
 }
 
 /* By us. */
