@@ -49,8 +49,10 @@ static void write_result(struct service *self, const struct update_result *resul
     service_complain("the update's result can't be kept", written);
 }
 
-static void keep_result(struct service *self, enum update_outcome outcome, const char *to,
-                        const char *format, va_list arguments)
+__attribute__((format(printf, 4, 0))) static void keep_result(struct service *self,
+                                                              enum update_outcome outcome,
+                                                              const char *to, const char *format,
+                                                              va_list arguments)
 {
     struct update_result result = {.outcome = outcome};
     bool recorded = outcome != UPDATE_REFUSED && self->record.from[0] != '\0';
