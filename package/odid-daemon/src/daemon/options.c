@@ -10,8 +10,6 @@
 #include "base/log.h"
 #include "config/config_keys.h"
 
-#define DEFAULT_FILE "/etc/odid/odid.conf"
-
 static void report(void *context, enum config_severity severity, const char *sentence)
 {
     struct options *options = context;
@@ -95,7 +93,7 @@ bool options_read(struct options *options, int argc, char *const argv[])
         {"version", no_argument, NULL, FLAG_VERSION},
         {NULL, 0, NULL, 0},
     };
-    const char *file = DEFAULT_FILE;
+    const char *file = CONFIG_FILE;
     bool no_wifi = false, no_bt = false, debug = false;
     int flag;
 

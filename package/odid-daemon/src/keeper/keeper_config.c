@@ -3,8 +3,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define DEFAULT_FILE "/etc/odid/odid.conf"
-
 static void ignore(void *context, enum config_severity severity, const char *sentence)
 {
     (void)context;
@@ -28,7 +26,7 @@ static const char *flag_name(const char *word)
 
 void keeper_config_read(struct config *config, char *const command[])
 {
-    const char *file = DEFAULT_FILE;
+    const char *file = CONFIG_FILE;
     bool no_wifi = false, no_bt = false, appliance = false;
 
     for (int i = 1; command[0] != NULL && command[i] != NULL; i++) {
