@@ -177,14 +177,6 @@ int settings_get(const struct places *places, char *const names[])
 
 /* ---- in force ---- */
 
-static void add_sentence(void *context, enum config_severity severity, const char *sentence)
-{
-    uint64_t *said = context;
-
-    (void)severity;
-    *said = fingerprint(*said, sentence, strlen(sentence) + 1);
-}
-
 enum in_force { NOT_SAID, IN_FORCE, NOT_IN_FORCE };
 
 static enum in_force look_whether_in_force(const struct places *places)
@@ -197,7 +189,7 @@ static enum in_force look_whether_in_force(const struct places *places)
     int error;
 
     config_defaults(&config);
-    config_read_file(&config, places->config, add_sentence, &said);
+    config_read_file(&config, places->config, config_add_sentence, &said);
     snprintf(saved, sizeof(saved), "%016" PRIx64, config_fingerprint(&config, said));
     explicit_bzero(config.maintenance_password, sizeof(config.maintenance_password));
     status = status_fetch(places->run_dir, &error);

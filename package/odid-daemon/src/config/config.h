@@ -127,10 +127,14 @@ unsigned config_read_environment(struct config *config, const char *(*getenv_fn)
  */
 unsigned config_keep_appliance(struct config *config, config_report_fn *report, void *context);
 
+/* A report function that only adds the sentence to a number: context is a uint64_t,
+ * FINGERPRINT_OF_NOTHING before the first one. */
+void config_add_sentence(void *context, enum config_severity severity, const char *sentence);
+
 /*
  * What a file has for odid-daemon, as a number: another one where a value of its sections is, or
  * what there is to say of the file or of the whole; whatever else it has for the appliance's other
- * programs. said: fingerprint() of the sentences about the file, FINGERPRINT_OF_NOTHING without.
+ * programs. said: by config_add_sentence of the sentences about the file.
  */
 uint64_t config_fingerprint(const struct config *config, uint64_t said);
 

@@ -286,7 +286,7 @@ static bool is_of_the_appliance(const struct config_key *key)
     return false;
 }
 
-static void add_sentence(void *context, enum config_severity severity, const char *sentence)
+void config_add_sentence(void *context, enum config_severity severity, const char *sentence)
 {
     uint64_t *found = context;
 
@@ -306,6 +306,6 @@ uint64_t config_fingerprint(const struct config *config, uint64_t said)
             found = fingerprint(found, shown, strlen(shown) + 1);
         }
     }
-    config_judge(config, add_sentence, &found);
+    config_judge(config, config_add_sentence, &found);
     return found;
 }

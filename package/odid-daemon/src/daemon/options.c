@@ -14,7 +14,7 @@ static void report(void *context, enum config_severity severity, const char *sen
 {
     struct options *options = context;
 
-    options->said = fingerprint(options->said, sentence, strlen(sentence) + 1);
+    config_add_sentence(&options->said, severity, sentence);
     switch (severity) {
     case CONFIG_ERROR:
         options->errors++;

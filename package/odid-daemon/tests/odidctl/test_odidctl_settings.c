@@ -212,14 +212,6 @@ static void the_password_becomes_a_key(void **state)
 
 /* ---- the daemon ---- */
 
-static void add_sentence(void *context, enum config_severity severity, const char *sentence)
-{
-    uint64_t *sentences = context;
-
-    (void)severity;
-    *sentences = fingerprint(*sentences, sentence, strlen(sentence) + 1);
-}
-
 /* It has read that file. */
 static pid_t daemon_with(const char *conf)
 {
@@ -229,7 +221,7 @@ static pid_t daemon_with(const char *conf)
 
     put("odid.conf", conf);
     config_defaults(&config);
-    config_read_file(&config, "odid.conf", add_sentence, &sentences);
+    config_read_file(&config, "odid.conf", config_add_sentence, &sentences);
     snprintf(status, sizeof(status), "{\"configuration\": {\"fingerprint\": \"%016" PRIx64 "\"}}",
              config_fingerprint(&config, sentences));
     return answer_with(status);
