@@ -67,14 +67,19 @@ static ino_t configuration_file(void)
     return stat(HAWKBIT, &file) < 0 ? 0 : file.st_ino;
 }
 
+/* Of what its server has done. */
+static void know_nothing(void)
+{
+    hawkbit.reporting_until_us = 0;
+    hawkbit.pause_us = PAUSE_US;
+    hawkbit.failed = hawkbit.lost = 0;
+}
+
 void update_hawkbit_begin(bool (*is_idle)(void), void (*restart)(void), int64_t now_us)
 {
     hawkbit.is_idle = is_idle;
     hawkbit.restart = restart;
-    hawkbit.reporting_until_us = 0;
-    hawkbit.pause_us = PAUSE_US;
-    hawkbit.failed = 0;
-    hawkbit.lost = 0;
+    know_nothing();
     hawkbit.configured = configuration_file();
     loop_timer_init(&hawkbit.pause, end_pause, NULL);
     loop_timer_init(&hawkbit.report, end_report, NULL);
@@ -159,9 +164,7 @@ static void begin_anew(void)
 {
     unlink(HAWKBIT_PAUSE);
     faults_set(FAULTS, SERVER_FAULT, NULL);
-    hawkbit.reporting_until_us = 0;
-    hawkbit.pause_us = PAUSE_US;
-    hawkbit.failed = hawkbit.lost = 0;
+    know_nothing();
 }
 
 void update_hawkbit_follow_configuration(void)
