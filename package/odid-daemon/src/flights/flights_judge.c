@@ -145,11 +145,19 @@ static void append_restarts(char sentence[FLIGHT_SENTENCE_SIZE],
     }
 }
 
-/* What was before the record, or is behind it, nobody saw: another record, or none, has it. */
-static void append_bounds(char sentence[FLIGHT_SENTENCE_SIZE], const struct flight *flight)
+/* It may have flown then. before: what it follows. */
+static void append_untold(char sentence[FLIGHT_SENTENCE_SIZE], const char *before,
+                          int64_t untold_us)
 {
     char lasted[32];
 
+    duration_text(lasted, sizeof(lasted), seconds(untold_us));
+    append(sentence, "%snobody said for %s whether it was armed", before, lasted);
+}
+
+/* What was before the record, or is behind it, nobody saw: another record, or none, has it. */
+static void append_bounds(char sentence[FLIGHT_SENTENCE_SIZE], const struct flight *flight)
+{
     if (flight->record.totals.began == RECORDER_ARMED) {
         append(sentence, ", armed when the record began");
     }
@@ -157,19 +165,14 @@ static void append_bounds(char sentence[FLIGHT_SENTENCE_SIZE], const struct flig
         append(sentence, ", the record ends while armed");
     }
     if (flight->record.totals.armed_us > 0 && flight->record.totals.untold_later_us > 0) {
-        duration_text(lasted, sizeof(lasted), seconds(flight->record.totals.untold_later_us));
-        append(sentence, "; nobody said for %s whether it was armed", lasted);
+        append_untold(sentence, "; ", flight->record.totals.untold_later_us);
     }
 }
 
-/* It may have flown then. */
 static void judge_unarmed(char sentence[FLIGHT_SENTENCE_SIZE], const struct recorder_flight *record)
 {
-    char lasted[32];
-
     if (record->totals.untold_us > 0) {
-        duration_text(lasted, sizeof(lasted), seconds(record->totals.untold_us));
-        append(sentence, "nobody said for %s whether it was armed", lasted);
+        append_untold(sentence, "", record->totals.untold_us);
     } else {
         append(sentence, "never armed");
     }

@@ -238,24 +238,33 @@ static void print_detail_channel(FILE *out, const struct recorder_flight *record
     fputc('\n', out);
 }
 
+/* For how long it was armed, or that it isn't known. */
+static void print_armed(FILE *out, const struct recorder_totals *totals)
+{
+    char lasted[CELL_SIZE];
+
+    if (totals->armed_us > 0) {
+        format_span(lasted, totals->armed_us);
+        fprintf(out, "armed %s\n", lasted);
+    } else if (totals->untold_us > 0) {
+        format_span(lasted, totals->untold_us);
+        fprintf(out, "whether armed was not said for %s\n", lasted);
+    } else {
+        fputs("never armed\n", out);
+    }
+}
+
 static void print_summary(FILE *out, const struct flight *flight)
 {
     const struct recorder_flight *record = &flight->record;
-    char when[WHEN_SIZE], lasted[CELL_SIZE], armed[CELL_SIZE], untold[CELL_SIZE];
+    char when[WHEN_SIZE], lasted[CELL_SIZE];
 
     format_start(when, record, true);
     format_span(lasted, record->last_us);
-    format_span(armed, record->totals.armed_us);
-    format_span(untold, record->totals.untold_us);
     fprintf(out, "  %-12s %s, recorded from %.1f s after it\n", "Power-on", when,
             seconds(record->start_us));
-    fprintf(out, "  %-12s %s, %s%s\n", "Lasted", lasted,
-            record->totals.armed_us > 0    ? "armed "
-            : record->totals.untold_us > 0 ? "whether armed was not said for "
-                                           : "never armed",
-            record->totals.armed_us > 0    ? armed
-            : record->totals.untold_us > 0 ? untold
-                                           : "");
+    fprintf(out, "  %-12s %s, ", "Lasted", lasted);
+    print_armed(out, &record->totals);
     fprintf(out, "  %-12s odid-daemon %s, image %s\n", "Software", record->version, record->image);
     for (enum channel channel = 0; channel < CHANNELS; channel++) {
         print_detail_channel(out, record, channel);
