@@ -31,6 +31,9 @@
 static const int families[] = {AF_UNIX, AF_INET, AF_INET6, AF_NETLINK};
 static const int families_with_rights[] = {AF_UNIX, AF_INET, AF_NETLINK, AF_PACKET};
 
+/* What the kernel looks at of a number. */
+static const uint64_t number = UINT32_MAX;
+
 static const int rights[] = {CAP_NET_ADMIN, CAP_NET_RAW};
 
 /* ---- the filter ---- */
@@ -39,7 +42,6 @@ static const int rights[] = {CAP_NET_ADMIN, CAP_NET_RAW};
  * told of as a new device, root does. */
 static int refuse_netlink_but_interfaces_and_radio(scmp_filter_ctx filter, uint32_t refuse)
 {
-    const uint64_t number = UINT32_MAX; /* what the kernel looks at */
     int result = 0;
 
     for (scmp_datum_t protocol = 0; result == 0 && protocol < MAX_LINKS; protocol++) {
@@ -72,7 +74,6 @@ static int refuse_sockets(scmp_filter_ctx filter, uint32_t refuse, bool has_righ
 static int add_refusals(scmp_filter_ctx filter, bool has_rights)
 {
     const uint32_t refuse = SCMP_ACT_ERRNO(EPERM);
-    const uint64_t number = UINT32_MAX; /* what the kernel looks at */
     int result = seccomp_rule_add(filter, refuse, SCMP_SYS(io_uring_setup), 0);
 
     if (result == 0) { /* by a line discipline a pseudo-terminal becomes a Bluetooth controller */
