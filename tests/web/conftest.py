@@ -2,8 +2,6 @@
 
 import os
 import shutil
-import tempfile
-from pathlib import Path
 
 import patience
 import pytest
@@ -15,19 +13,10 @@ CHROMIUM = shutil.which("chromium")
 
 
 @pytest.fixture
-def folder():
-    """Open to the user that the serving half becomes, which pytest's own folder isn't."""
-    folder = Path(tempfile.mkdtemp(prefix="odid-web-"))
-    folder.chmod(0o755)
-    yield folder
-    shutil.rmtree(folder)
-
-
-@pytest.fixture
-def appliance(folder):
+def appliance(short_folder):
     if not PROGRAM.exists():
         pytest.skip(f"{PROGRAM.name} isn't built: make daemon")
-    made = Appliance(folder / "appliance")
+    made = Appliance(short_folder / "appliance")
     yield made
     made.end()
     print(f"--- odid-web's log ---\n{made.said()}")

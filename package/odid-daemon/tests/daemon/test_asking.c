@@ -305,16 +305,21 @@ static void a_way_back_that_breaks_later_is_found_out(void **state)
     assert_false(asking_unheard(&asking));
 }
 
-/* Where the first receiver has a fix, and is where the position is, nobody needs the second one's.
- */
-static void a_second_receiver_is_asked_for_when_the_first_has_no_fix(void **state)
+static void all_come_but_a_second_receiver_s(void)
 {
-    (void)state;
     for (unsigned i = 0; i < GPS2_RAW; i++) {
         sends_us[i] = message[i].interval_us;
     }
     pass(60);
     expect_asked(GPS2_RAW, 0);
+}
+
+/* Where the first receiver has a fix, and is where the position is, nobody needs the second one's.
+ */
+static void a_second_receiver_is_asked_for_when_the_first_has_no_fix(void **state)
+{
+    (void)state;
+    all_come_but_a_second_receiver_s();
     fix_type = GPS_FIX_TYPE_NO_FIX;
     pass(5);
     expect_asked(GPS2_RAW, 1);
@@ -330,11 +335,7 @@ static void a_second_receiver_is_asked_for_when_the_first_has_no_fix(void **stat
 static void a_second_receiver_is_asked_for_when_the_first_is_contradicted(void **state)
 {
     (void)state;
-    for (unsigned i = 0; i < GPS2_RAW; i++) {
-        sends_us[i] = message[i].interval_us;
-    }
-    pass(60);
-    expect_asked(GPS2_RAW, 0);
+    all_come_but_a_second_receiver_s();
     apart = true;
     pass(5);
     expect_asked(GPS2_RAW, 1);
