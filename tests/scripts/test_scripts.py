@@ -358,12 +358,50 @@ def loaded(appliance):
 def test_the_ground_station_is_heard_by_its_own_way_only(appliance, address, drops):
     """A USB adapter's DHCP server took its network, and answers to its address were taken from there."""
     appliance.settings(ground_station__address=address)
-    rule = 'insert rule inet odid input ip saddr 10.0.0.9 iif != "lo" iifname != "eth0" counter drop'
-    rate = ('insert rule inet odid input iifname "eth0" ip saddr 10.0.0.9 meta l4proto udp limit rate over 60000 bytes/second '
+    rule = 'insert rule inet odid input ip saddr 10.0.0.9 iif != "lo" iif != @way counter drop'
+    rate = ('insert rule inet odid input iif @way ip saddr 10.0.0.9 meta l4proto udp limit rate over 60000 bytes/second '
             'burst 8 kbytes counter drop')
     rules = loaded(appliance)
     assert (rule in rules) == (rate in rules) == drops
     assert 'insert rule inet odid input ip daddr 192.168.41.0/24 iif != "lo" iifname != "wlan0" counter drop' in rules
+
+
+WAY = "add element inet odid way { 2 }"
+
+
+def test_no_other_interface_is_the_ground_station_s_by_its_name(appliance):
+    """hostapd, taken over, gave the access point's interface the name of the ground station's."""
+    appliance.settings(ground_station__address="10.0.0.9")
+    appliance.write("sys/class/net/eth0/ifindex", "2\n")
+    assert WAY in loaded(appliance)
+    (appliance.root / "sys/class/net/eth0/phy80211").mkdir()
+    appliance.write("loaded", "")
+    assert "element inet odid way" not in loaded(appliance)
+    appliance.must("rm -r /sys/class/net/eth0/phy80211 && mkdir /sys/class/net/2")    # for nft a name comes before a number
+    appliance.write("loaded", "")
+    assert "element inet odid way" not in loaded(appliance)
+
+
+def test_the_ground_station_s_interface_may_come_and_go(appliance):
+    appliance.settings(ground_station__address="10.0.0.9")
+    assert "element inet odid way" not in loaded(appliance)
+
+    def event(action, *others):
+        appliance.write("loaded", "")
+        for name in ("eth0", *others):
+            appliance.must(f"ACTION={action} MDEV={name} /lib/odid/device-network")
+        return appliance.read("loaded")
+
+    appliance.write("sys/class/net/eth0/ifindex", "2\n")
+    assert event("add", "eth0", "usb1").count(WAY) == 1
+    assert not event("add")
+    appliance.must("rm -r /sys/class/net/eth0")
+    gone = event("remove", "eth0")
+    assert gone.count("table inet odid {") == 1 and WAY not in gone
+    # Before the filter is loaded at first it is nobody's to load: it looks itself.
+    appliance.write("sys/class/net/eth0/ifindex", "2\n")
+    appliance.must("rm /run/odid-appliance/firewall")
+    assert not event("add")
 
 
 def test_a_slow_port_is_not_filled_by_the_ground_station(appliance):
@@ -391,7 +429,7 @@ def test_only_mavlink_router_speaks_to_another_program(appliance):
     assert 'output oif "lo" meta l4proto udp udp sport 14550 meta skuid != { "root", "odid" } counter drop' in rules
     assert 'output oif "lo" meta l4proto udp ip saddr != 127.0.0.1 meta skuid != "mavlink" counter drop' in rules
     assert "ct direction" not in rules and 'oif "lo" meta l4proto udp notrack' in rules
-    assert 'add rule inet odid output meta skuid mavlink oif != lo oifname != "eth0" counter drop' in rules
+    assert 'add rule inet odid output meta skuid mavlink oif != lo oif != @way counter drop' in rules
     assert not re.search(r'[io]ifname[^\n]*\blo\b', rules)
     # And what a packet socket puts on lo has no way yet.
     assert 'iif "lo" ip protocol udp rt ip nexthop >= 0.0.0.0 accept\n\t\tiif "lo" ip protocol udp counter drop\n' in rules
@@ -936,7 +974,7 @@ def by_modem(appliance):
 
 
 @pytest.mark.parametrize("plugged, used", [
-    (RIGHT, True), (("1.1", "12d1", "14dc"), False), (("1.2", "12d1", "14db"), False), (("1.2", "0bda", "14dc"), False), (None, True)])
+    (RIGHT, True), (("1.1", "12d1", "14dc"), False), (("1.2", "12d1", "14db"), False), (("1.2", "0bda", "14dc"), False), (None, False)])
 def test_an_adapter_that_has_the_name_of_the_ground_station_s_isn_t_its_way(by_modem, plugged, used):
     """Whoever was found first was usb0: a modem of somebody else's heard all, and could speak as the ground station."""
     assert modem(by_modem, plugged=plugged) == used
