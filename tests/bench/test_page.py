@@ -85,7 +85,7 @@ def test_bundles_by_the_page(page, bundle):
     machine = page.machine
     page.ask("POST", "/api/session", {"password": PASSWORD})
     machine.wait_for("SWUpdate, and what watches it", lambda: machine.run(
-        "[ -S /run/swupdate/swupdateprog ] && [ -e /run/odid-appliance/update.json ] && usleep 1500000").code == 0)
+        "[ -S /run/swupdate/swupdateprog ] && [ -e /run/odid-appliance/update-state.json ] && usleep 1500000").code == 0)
 
     def status():
         return page.ask("GET", "/api/status")[1]

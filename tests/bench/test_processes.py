@@ -53,7 +53,7 @@ def test_nobody_keeps_the_aircraft_on_the_ground_by_pretending_an_update(grounde
     grounded.wait_inside("odid-update's view of SWUpdate", "[ -S /run/odid-appliance/update.sock ] && [ -S /run/swupdate/swupdateprog ]")
     grounded.put(faults.TOOL, runs.tool())
     grounded.must(f"{faults.TOOL} notice {NOBODY} {start}")
-    grounded.wait_inside("the pretended word", "! grep -q '\"state\": \"idle\"' /run/odid-appliance/update.json")
+    grounded.wait_inside("the pretended word", "! grep -q '\"state\": \"idle\"' /run/odid-appliance/update-state.json")
     assert grounded.run("[ -e /run/odid-appliance/updating ]").code != 0
 
 

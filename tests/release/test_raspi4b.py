@@ -205,7 +205,7 @@ def test_a_damaged_slot_gives_way_to_the_other_one(raspi):
 # A technician's command; the machine has neither a network nor USB to give it by.
 INSTALLS = """#!/bin/sh
 (
-	until [ -S /run/swupdate/swupdateprog ] && [ -e /run/odid-appliance/update.json ]; do sleep 1; done
+	until [ -S /run/swupdate/swupdateprog ] && [ -e /run/odid-appliance/update-state.json ]; do sleep 1; done
 	sleep 2
 	odidctl update /data/test.swu
 	echo "test: odidctl update ended with $?"

@@ -775,7 +775,7 @@ def test_in_flight_nobody_looks_again(appliance):
     appliance.must("sh /lib/odid/maintenance-decide y /run/odid kept")
     assert not appliance.exists("run/odid-appliance/maintenance-asked")
     appliance.write("run/odid-appliance/maintenance-asked", "")
-    appliance.must("sh /lib/odid/maintenance-decide n /run/odid-appliance update.json")
+    appliance.must("sh /lib/odid/maintenance-decide n /run/odid-appliance update-state.json")
     assert appliance.exists("run/odid-appliance/maintenance-asked"), "it looked for somebody else's file"
 
 
@@ -1281,7 +1281,7 @@ def swupdate(appliance):
     """An appliance on which the service swupdate can be run: SWUpdate itself only notes how it is called."""
     for name, text in (("etc/odid/version", "1.10.0\n"), ("run/odid-appliance/slot", "a\n"), ("run/fw_env.config", "x\n"),
                        ("etc/passwd", "root:x:0:0::/root:/bin/sh\n"),
-                       ("run/odid-appliance/update.json", '{ "state": "idle" }\n'), ("run/swupdate/sw-description.sig", "left"),
+                       ("run/odid-appliance/update-state.json", '{ "state": "idle" }\n'), ("run/swupdate/sw-description.sig", "left"),
                        ("data/secrets/hawkbit-token", "a-secret\n"),
                        ("etc/group", "".join(f"{name}:x:{gid}:\n" for name, (_, gid) in {"root": (0, 0), **USERS}.items()))):
         appliance.write(name, text)
@@ -1932,7 +1932,7 @@ def test_a_trial_that_nobody_decides_is_ended_unless_it_may_be_in_the_air(applia
     os.mknod(appliance.root / "dev/watchdog", 0o20600, os.makedev(1, 3))
     appliance.write("armed", armed + "\n")
     if state:
-        appliance.write("run/odid-appliance/update.json", f'{{ "state": "{state}" }}\n')
+        appliance.write("run/odid-appliance/update-state.json", f'{{ "state": "{state}" }}\n')
     appliance.change("etc/sv/watchdog/run", ("while pause 2", "while echo looks >>/calls; usleep 20000"), ("-ge 120", "-ge 4"),
                      ("read -r words </proc/cmdline", "words=odid.trial"), ("kill -TERM 1", "echo restarts >>/calls"))
     watchdog = appliance.start("exec /etc/sv/watchdog/run")

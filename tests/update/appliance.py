@@ -11,7 +11,7 @@ from bench.machine import Machine
 from . import bundles
 from .server import Server
 
-STATE, RESULT = "/run/odid-appliance/update.json", "/data/odid/update.json"
+STATE, RESULT = "/run/odid-appliance/update-state.json", "/data/odid/update.json"
 START = "U-Boot 20"
 
 

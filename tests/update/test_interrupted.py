@@ -67,9 +67,9 @@ def test_what_is_refused_before_the_restart_does_not_hide_the_reason(ready):
     before, machine = ready.starts(), ready.machine
     assert ready.install(bundles.bundle("no_bluetooth", NEWER, NO_BLUETOOTH.changes)).code == 0
     ready.wait_restart(before)
-    machine.wait_inside("the trial", "[ -S /run/swupdate/sockinstctrl ] && grep -q trial /run/odid-appliance/update.json")
+    machine.wait_inside("the trial", "[ -S /run/swupdate/sockinstctrl ] && grep -q trial /run/odid-appliance/update-state.json")
     machine.must(f"curl -sfo /tmp/noise.swu {ready.server.url(bundles.noise('noise'))}")
-    machine.wait_inside("the end of the trial", "grep -q waiting /run/odid-appliance/update.json")
+    machine.wait_inside("the end of the trial", "grep -q waiting /run/odid-appliance/update-state.json")
     got = machine.run("odidctl update /tmp/noise.swu")
     assert got.code == 1 and ready.result()["outcome"] == "refused"
     ready.wait_restart(before + 1)

@@ -185,7 +185,7 @@ class Appliance:
 
     def update(self, state="idle", percent=None, seconds_left=None, sentence=""):
         """What the update's own services say is going on."""
-        self.write("run/odid-appliance/update.json", json.dumps(
+        self.write("run/odid-appliance/update-state.json", json.dumps(
             {"state": state, "percent": percent, "seconds_left": seconds_left, "sentence": sentence}))
 
     def last_update(self, outcome, sentence, version="1.5.0", at="2026-11-21T10:12:13Z"):

@@ -203,7 +203,7 @@ def test_what_can_not_be_read_is_null(appliance):
     appliance.daemon.stop()
     for path in ("etc/odid/version", "run/odid-appliance/slot"):
         (appliance.folder / path).unlink()
-    appliance.write("run/odid-appliance/update.json", "{half")
+    appliance.write("run/odid-appliance/update-state.json", "{half")
     appliance.write("data/odid/update.json", "[1]")
     status = appliance.ask("GET", "/api/status", cookie=appliance.login())[1]
     assert status == {"daemon": None, "daemon_silence": "not running", "faults": [], "version": None, "slot": None,

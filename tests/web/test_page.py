@@ -66,8 +66,8 @@ def picture(browser, name, where=None):
             browser.page.locator(where).screenshot(path=path)
 
 
-def problem(reason, advice="Do something.", severity="fault"):
-    return {"severity": severity, "reason": reason, "advice": advice}
+def problem(reason, advice="Do something.", severity="fault", name="some-problem"):
+    return {"id": name, "severity": severity, "reason": reason, "advice": advice}
 
 
 # Far more than the kernel keeps on the way.
@@ -152,7 +152,7 @@ def test_partly_on_the_air_says_what_to_do(browse, appliance):
                      identity__operator_id={"operator_id": None, "source": None, "validity": None},
                      problems=[problem("Bluetooth 4 off: lost", "It is being set up again. If this lasts a "
                                        "minute, switch power off and on."),
-                               problem("missing operator_id message", "Set [operator] operator_id in odid.conf."),
+                               problem("missing operator_id message", "Set [operator] operator_id in odid.conf.", name="operator-id-missing"),
                                problem("time unknown: time stamps say so", "It comes with a GNSS fix.", "warning")])
     appliance.write("run/faults/data", "/data is full: delete what doesn't belong there.\n")
     browser = browse()
@@ -208,7 +208,7 @@ def test_no_connection_is_no_verdict(browse, appliance):
 def test_texts_from_outside_are_no_markup(browse, appliance):
     evil = '<img src=x onerror="document.title=1"><b>x</b>'
     appliance.status(identity__self_id={"description": evil, "type": "text", "source": "native"},
-                     problems=[problem(evil, evil)], channels__bt4__detail=evil)
+                     problems=[problem(evil, evil, name="constructor")], channels__bt4__detail=evil, channels__bt5__state="toString")
     appliance.write("run/faults/evil", evil)
     appliance.update("trial", sentence=evil)
     appliance.last_update("refused", evil)

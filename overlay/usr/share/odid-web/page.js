@@ -130,16 +130,17 @@ function showVerdict(daemon, silence) {
 // ---- what is wrong, and what to do ----
 
 // The daemon's advice speaks of odid.conf; where this page can do it, the page says so.
-const HERE = [
-  [/^missing operator_id/, "No operator number", "Nobody can tell who flies it. Enter the number below."],
-  [/^Operator ID is no EU number/, null, "Compare the operator number below with the registration."],
-  [/^missing basic_id/, "No serial number", "Nobody can tell which aircraft it is. Enter the number below."],
-  [/^Basic ID is no valid serial/, null, "Compare the serial number below with the aircraft's label."],
-];
+const HERE = {
+  __proto__: null, // else every object's own names would be found
+  "operator-id-missing": ["No operator number", "Nobody can tell who flies it. Enter the number below."],
+  "operator-id-invalid": [null, "Compare the operator number below with the registration."],
+  "basic-id-missing": ["No serial number", "Nobody can tell which aircraft it is. Enter the number below."],
+  "basic-id-invalid": [null, "Compare the serial number below with the aircraft's label."],
+};
 
 function problemText(problem) {
-  const here = HERE.find(([pattern]) => pattern.test(problem.reason)) || [];
-  return [element("strong", {}, here[1] || sentence(problem.reason)), element("span", {}, here[2] || problem.advice)];
+  const [heading, advice] = HERE[problem.id] || [];
+  return [element("strong", {}, heading || sentence(problem.reason)), element("span", {}, advice || problem.advice)];
 }
 
 function sentence(text) {
@@ -164,6 +165,7 @@ function showProblems(answer) {
 // ---- transmitters ----
 
 const STATES = { // word and kind, when the channel is required and when not
+  __proto__: null,
   "on air": ["On the air", "good"],
   "disabled": ["Switched off", ""],
   "unsupported": ["Not possible", ""],

@@ -6,7 +6,7 @@
 #define UPDATE_VERSION_SIZE 64
 #define UPDATE_IDENTITY_SIZE 128 /* of a file: which one it is */
 
-#define UPDATE_STATE_FILE "update.json"       /* in /run/odid-appliance */
+#define UPDATE_STATE_FILE "update-state.json" /* in /run/odid-appliance */
 #define UPDATE_RESULT_FILE "odid/update.json" /* in /data */
 #define UPDATE_RECORD_FILE "odid/trial.json"  /* in /data */
 #define UPDATE_BACK_FILE "odid/rolled-back"   /* in /data: the version, for sticks */

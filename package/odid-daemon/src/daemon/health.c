@@ -18,11 +18,11 @@
 /* System's time goes by whole seconds, and is on its way for a while. */
 #define OPERATOR_CLOCK_S 5
 
-static void add(struct health *health, enum health_severity severity, const char *advice,
-                const char *format, ...) __attribute__((format(printf, 4, 5)));
+static void add(struct health *health, enum health_severity severity, const char *id,
+                const char *advice, const char *format, ...) __attribute__((format(printf, 5, 6)));
 
-static void add(struct health *health, enum health_severity severity, const char *advice,
-                const char *format, ...)
+static void add(struct health *health, enum health_severity severity, const char *id,
+                const char *advice, const char *format, ...)
 {
     struct health_problem *problem = &health->problem[health->count];
     char reason[128];
@@ -32,6 +32,7 @@ static void add(struct health *health, enum health_severity severity, const char
         return; /* the most important ones are there */
     }
     health->count++;
+    problem->id = id;
     problem->severity = severity;
     va_start(arguments, format);
     vsnprintf(reason, sizeof(reason), format, arguments);
@@ -113,10 +114,11 @@ static void judge_any_channel(struct health *health, const struct health_input *
     }
     health->on_air = health->on_air && any_required;
     if (!any_on_air && any_required) {
-        FAULT("Nobody can receive this aircraft: see the channels below.",
+        FAULT("nobody-can-receive", "Nobody can receive this aircraft: see the channels below.",
               "no channel is on the air");
     } else if (!any_on_air) {
-        FAULT("Switch on a channel in [broadcast], or plug in an adapter that can transmit.",
+        FAULT("no-channel-switched-on",
+              "Switch on a channel in [broadcast], or plug in an adapter that can transmit.",
               "no channel is switched on");
     }
 }
@@ -127,7 +129,8 @@ static void judge_mandatory_channel(struct health *health, const struct health_i
 {
     if (on_air(input, CHANNEL_BT4, now_us) && !on_air(input, CHANNEL_BT5, now_us) &&
         !on_air(input, CHANNEL_WIFI, now_us)) {
-        FAULT("EU rules count Wi-Fi or Bluetooth 5 long range, not Bluetooth 4: get one of them on "
+        FAULT("bluetooth-4-not-enough",
+              "EU rules count Wi-Fi or Bluetooth 5 long range, not Bluetooth 4: get one of them on "
               "the air.",
               "EU: Bluetooth 4 is not enough");
     }
@@ -140,12 +143,13 @@ static void judge_channels(struct health *health, const struct health_input *inp
         enum radio_state state = radio_seen(radio, now_us);
 
         if (health_required(input, channel) && state != radio->state) {
-            FAULT("It takes too long for each payload, or another program works against it: read "
+            FAULT("channel-stands-still",
+                  "It takes too long for each payload, or another program works against it: read "
                   "the log.",
                   "%s stands still", channel_title(channel));
         } else if (health_required(input, channel) && state != RADIO_ON_AIR) {
-            FAULT(channel_advice(channel, state), "%s off: %s", channel_title(channel),
-                  radio_state_name(state));
+            FAULT("channel-off", channel_advice(channel, state), "%s off: %s",
+                  channel_title(channel), radio_state_name(state));
         }
     }
 }
@@ -158,13 +162,15 @@ static void judge_basic_ids(struct health *health, const struct aircraft_view *v
 
     if (view->basic_ids == 0) {
         /* QGroundControl knows this text. */
-        FAULT("Set [basic_id] uas_id in odid.conf to the aircraft's serial number.",
+        FAULT("basic-id-missing",
+              "Set [basic_id] uas_id in odid.conf to the aircraft's serial number.",
               "missing basic_id message");
     }
     for (unsigned i = 0; i < view->basic_ids; i++) {
         if (view->basic_id[i].id_type == ODID_IDTYPE_SERIAL_NUMBER &&
             !identifiers_check_serial(view->basic_id[i].uas_id, problem)) {
-            FAULT(view->basic_id[i].source == SOURCE_NATIVE
+            FAULT("basic-id-invalid",
+                  view->basic_id[i].source == SOURCE_NATIVE
                       ? "The autopilot sends it. Set [basic_id] uas_id to the number on the "
                         "aircraft's label."
                       : "Compare [basic_id] uas_id with the aircraft's label; odidctl check says "
@@ -179,14 +185,16 @@ static void judge_operator_id(struct health *health, const struct aircraft_view 
     char public_part[IDENTIFIER_MAX + 1], problem[IDENTIFIER_PROBLEM_SIZE];
 
     if (view->operator_id[0] == '\0') {
-        FAULT("Set [operator] operator_id in odid.conf to the operator's registration number.",
+        FAULT("operator-id-missing",
+              "Set [operator] operator_id in odid.conf to the operator's registration number.",
               "missing operator_id message");
         return;
     }
     if (view->operator_id_type == OPERATOR_ID_EU &&
         identifiers_check_operator(view->operator_id, public_part, problem) ==
             OPERATOR_NUMBER_INVALID) {
-        FAULT("Compare [operator] operator_id with the registration; odidctl check says what is "
+        FAULT("operator-id-invalid",
+              "Compare [operator] operator_id with the registration; odidctl check says what is "
               "wrong.",
               "Operator ID is no EU number: %s", public_part);
     }
@@ -200,7 +208,8 @@ static void judge_serial_present(struct health *health, const struct aircraft_vi
         }
     }
     if (view->basic_ids > 0) {
-        WARNING("EU rules ask for the serial number: set [basic_id] uas_id with id_type = serial.",
+        WARNING("serial-missing",
+                "EU rules ask for the serial number: set [basic_id] uas_id with id_type = serial.",
                 "no serial number among the Basic IDs");
     }
 }
@@ -223,11 +232,12 @@ static const char *link_advice(const struct health_input *input)
 static void judge_link(struct health *health, const struct health_input *input)
 {
     if (input->link->state == LINK_ABSENT) {
-        FAULT(link_advice(input), "no link to the autopilot");
+        FAULT("autopilot-no-link", link_advice(input), "no link to the autopilot");
     } else if (input->link->state == LINK_SILENT) {
-        FAULT(link_advice(input), "autopilot is silent");
+        FAULT("autopilot-silent", link_advice(input), "autopilot is silent");
     } else if (!input->condition->heartbeat_fresh) {
-        FAULT("Bytes come, but no autopilot (component 1) speaks: check baud, and that it is set "
+        FAULT("autopilot-no-heartbeat",
+              "Bytes come, but no autopilot (component 1) speaks: check baud, and that it is set "
               "to MAVLink.",
               "no heartbeat from autopilot");
     }
@@ -236,7 +246,8 @@ static void judge_link(struct health *health, const struct health_input *input)
 static void judge_sources(struct health *health, const struct health_input *input)
 {
     if (input->contradicted) {
-        FAULT("Something else speaks with the vehicle's system id: find it, switch it off. The one "
+        FAULT("two-autopilots",
+              "Something else speaks with the vehicle's system id: find it, switch it off. The one "
               "that was there first counts.",
               "two speak as the autopilot");
     }
@@ -256,18 +267,22 @@ static void judge_position(struct health *health, const struct health_input *inp
     }
     if (input->condition->apart) {
         FAULT(
+            "position-apart",
             "Its estimator stands still, or the receiver is wrong: restart the autopilot, look at "
             "its messages.",
             "position differs from GNSS");
     } else if (!input->condition->fix_known && input->condition->heartbeat_fresh) {
-        FAULT("Wait for a GNSS fix. Where there is one: GPS_RAW_INT doesn't come, set this port's "
+        FAULT("no-gnss-fix",
+              "Wait for a GNSS fix. Where there is one: GPS_RAW_INT doesn't come, set this port's "
               "stream rates (docs/autopilots.md).",
               "autopilot has no GNSS fix");
     } else if (location->fix_us == INT64_MIN) {
-        FAULT("Take the aircraft outdoors and wait for a GNSS fix; check the GNSS antenna.",
+        FAULT("position-missing",
+              "Take the aircraft outdoors and wait for a GNSS fix; check the GNSS antenna.",
               "no position from autopilot");
     } else {
-        FAULT("The autopilot lost its GNSS fix, or its link broke: check antenna and cable.",
+        FAULT("position-stopped",
+              "The autopilot lost its GNSS fix, or its link broke: check antenna and cable.",
               "position stopped %lld s ago", (long long)((now_us - location->fix_us) / 1000000));
     }
 }
@@ -277,7 +292,8 @@ static void judge_failure(struct health *health, const struct health_input *inpu
     /* Ours come with a cause that is listed already. */
     if (input->view->location.status == AIRCRAFT_REMOTE_ID_FAILURE &&
         input->view->location.status_source == SOURCE_NATIVE) {
-        FAULT("The autopilot reports it: look at its own messages in the ground station.",
+        FAULT("autopilot-reports-failure",
+              "The autopilot reports it: look at its own messages in the ground station.",
               "autopilot: Remote ID failure");
     }
 }
@@ -309,7 +325,7 @@ static void judge_operator_altitude(struct health *health, const struct health_i
     default:
         return;
     }
-    WARNING(advice, "operator altitude unknown");
+    WARNING("operator-altitude-unknown", advice, "operator altitude unknown");
 }
 
 /* EU rules ask for the height, US and Japanese ones for the geodetic altitude, US ones for the
@@ -323,18 +339,21 @@ static void judge_altitudes(struct health *health, const struct health_input *in
     }
     if (!input->condition->altitude_apart) { /* else why they are unknown is said */
         if (input->condition->armed && isnan(location->height_m)) {
-            WARNING("Arm with a GNSS fix, or let the autopilot send HOME_POSITION on this port "
+            WARNING("height-unknown",
+                    "Arm with a GNSS fix, or let the autopilot send HOME_POSITION on this port "
                     "(docs/autopilots.md).",
                     "height above take-off unknown");
         }
         if (isnan(location->altitude_geodetic_m) && !input->condition->altitudes_differ) {
-            WARNING("GPS_RAW_INT doesn't say it: set this port to MAVLink 2 (docs/autopilots.md).",
+            WARNING("altitude-unknown",
+                    "GPS_RAW_INT doesn't say it: set this port to MAVLink 2 (docs/autopilots.md).",
                     "altitude above the ellipsoid unknown");
         }
     }
     /* While the fix is lost, what is known of it is gone before the position is. */
     if (location->horizontal_accuracy == 0 && input->condition->fix_known) {
-        WARNING("GPS_RAW_INT doesn't say it: set this port to MAVLink 2, or use a receiver that "
+        WARNING("accuracy-unknown",
+                "GPS_RAW_INT doesn't say it: set this port to MAVLink 2, or use a receiver that "
                 "knows it (docs/autopilots.md).",
                 "accuracy of position unknown");
     }
@@ -367,7 +386,8 @@ static void judge_pack(struct health *health, const struct health_input *input, 
         }
     }
     if (names[0] != '\0') {
-        WARNING("Its controller has no room for them: use another one ([broadcast] bt5_adapter). "
+        WARNING("pack-too-small",
+                "Its controller has no room for them: use another one ([broadcast] bt5_adapter). "
                 "The other channels say them.",
                 "Bluetooth 5 lacks %s", names);
     }
@@ -378,31 +398,36 @@ static void judge_data(struct health *health, const struct health_input *input)
     const struct aircraft_condition *condition = input->condition;
 
     if (!condition->time_known) {
-        WARNING("It comes from the autopilot once it has a GNSS fix (MAVLink SYSTEM_TIME).",
+        WARNING("time-unknown",
+                "It comes from the autopilot once it has a GNSS fix (MAVLink SYSTEM_TIME).",
                 "time unknown: time stamps say so");
     }
     if (condition->position_rate_hz < POSITION_RATE_MIN_HZ && condition->position_rate_hz > 0) {
         WARNING(
+            "positions-slow",
             "Let the autopilot send GLOBAL_POSITION_INT at 4 Hz on this port (its stream rate).",
             "positions come only every %.1f s", 1 / condition->position_rate_hz);
     }
     if (condition->armed && input->view->system.operator_source == SOURCE_NONE) {
-        WARNING("Arm with a GNSS fix, connect a ground station with a position, or set [system] "
+        WARNING("operator-location-unknown",
+                "Arm with a GNSS fix, connect a ground station with a position, or set [system] "
                 "operator_latitude.",
                 "operator location unknown");
     }
     if (condition->armed && condition->takeoff_is_home) {
-        WARNING("Armed without a fix, or before Remote ID started: the next arming with a fix "
+        WARNING("takeoff-is-home",
+                "Armed without a fix, or before Remote ID started: the next arming with a fix "
                 "counts.",
                 "take-off point unknown: home stands in");
     }
     if (condition->armed && condition->takeoff_is_late) {
-        WARNING("Armed without a fix: arm with one.",
+        WARNING("takeoff-is-late", "Armed without a fix: arm with one.",
                 "take-off point is the first fix after arming");
     }
     judge_altitudes(health, input);
     if (input->unheard) {
-        WARNING(input->signs
+        WARNING("autopilot-hears-nothing",
+                input->signs
                     ? "It signs its frames, and takes no others: switch MAVLink signing off "
                       "on this port, or ARM_STATUS reaches nobody."
                     : "Nothing of ours is answered: look at the cable's other wire, and "
@@ -410,11 +435,13 @@ static void judge_data(struct health *health, const struct health_input *input)
                 "autopilot hears nothing of us");
     }
     if (condition->vertical_inverted) {
-        WARNING("ArduPilot before September 2018 sends it so: update its firmware.",
+        WARNING("vertical-speed-inverted",
+                "ArduPilot before September 2018 sends it so: update its firmware.",
                 "vertical speed comes inverted: set right");
     }
     if (llabs(condition->operator_ahead_s) > OPERATOR_CLOCK_S) {
-        WARNING("The autopilot's time is broadcast. Set the ground station's clock.",
+        WARNING("operator-clock-off",
+                "The autopilot's time is broadcast. Set the ground station's clock.",
                 "ground station's clock is %+lld s off", (long long)condition->operator_ahead_s);
     }
 }
@@ -423,34 +450,40 @@ static void judge_conflicts(struct health *health, const struct aircraft_conditi
 {
     if (condition->emergency_declared) {
         WARNING(
+            "emergency-declared",
             "A ground station, or the autopilot for it, says so by SELF_ID: it goes out as it is "
             "said.",
             "an emergency is declared");
     }
     if (condition->operators_differ) {
-        WARNING("A live place goes before home, else who spoke first. Let one of autopilot and "
+        WARNING("operators-differ",
+                "A live place goes before home, else who spoke first. Let one of autopilot and "
                 "ground station send SYSTEM.",
                 "two tell the operator's place");
     }
     if (condition->operator_ids_differ) {
         WARNING(
+            "operator-ids-differ",
             "The autopilot's is broadcast. Make the ground station's the same, or set [operator] "
             "operator_id.",
             "two tell the operator ID");
     }
     if (condition->descriptions_differ) {
         WARNING(
+            "descriptions-differ",
             "The autopilot's is broadcast. Let one of autopilot and ground station send SELF_ID, "
             "or set [self_id] description.",
             "two tell the description");
     }
     if (condition->basic_id_conflict) {
-        WARNING("The configured one is broadcast. Make the ground station's the same, or leave it "
+        WARNING("basic-id-conflict",
+                "The configured one is broadcast. Make the ground station's the same, or leave it "
                 "empty there.",
                 "autopilot sends another Basic ID");
     }
     if (condition->operator_id_conflict) {
-        WARNING("The configured one is broadcast. Make the ground station's the same, or leave it "
+        WARNING("operator-id-conflict",
+                "The configured one is broadcast. Make the ground station's the same, or leave it "
                 "empty there.",
                 "autopilot sends another operator ID");
     }
@@ -480,12 +513,14 @@ static void judge_types(struct health *health, const struct health_input *input)
         fit = fit && types_fit(id->ua_type, aircraft_ua_type(input->condition->mav_type));
         if (id->id_type == ODID_IDTYPE_CAA_REGISTRATION_ID &&
             identifiers_check_serial(id->uas_id, problem)) {
-            WARNING("It has a serial number's form: if it is one, set id_type = serial.",
+            WARNING("serial-of-another-type",
+                    "It has a serial number's form: if it is one, set id_type = serial.",
                     "serial number of another type");
         }
     }
     if (!fit && input->condition->heartbeat_fresh) {
-        WARNING("The Basic ID's type of aircraft is broadcast. Compare it, and the autopilot's "
+        WARNING("ua-type-differs",
+                "The Basic ID's type of aircraft is broadcast. Compare it, and the autopilot's "
                 "frame, with the aircraft.",
                 "HEARTBEAT has another UA type");
     }
@@ -496,18 +531,21 @@ static void judge_contradictions(struct health *health, const struct health_inpu
 {
     judge_types(health, input);
     if (input->condition->altitude_apart) {
-        WARNING("It stands still, or is far from the receiver's: altitude and height are unknown. "
+        WARNING("altitude-apart",
+                "It stands still, or is far from the receiver's: altitude and height are unknown. "
                 "Look at the barometer.",
                 "altitude differs from GNSS");
     }
     if (input->condition->altitudes_differ) {
         WARNING(
+            "native-altitude-not-believed",
             "The native LOCATION has another altitude than telemetry, perhaps above the sea: it "
             "isn't broadcast.",
             "native altitude not believed");
     }
     if (input->condition->landed_state_wrong) {
-        WARNING("It contradicts height and movement: armed or not counts instead. Restart the "
+        WARNING("landed-state-not-believed",
+                "It contradicts height and movement: armed or not counts instead. Restart the "
                 "autopilot.",
                 "landed state not believed");
     }
@@ -520,7 +558,8 @@ static void judge_flood(struct health *health, const struct health_input *input,
 {
     if (input->link->overrun_us != INT64_MIN &&
         now_us - input->link->overrun_us < AIRCRAFT_FRESH_US) {
-        WARNING("More comes to [mavlink] udp_port than anybody needs, and some of the autopilot's "
+        WARNING("link-flooded",
+                "More comes to [mavlink] udp_port than anybody needs, and some of the autopilot's "
                 "is lost: find who sends it.",
                 "autopilot's link is flooded");
     }
@@ -529,16 +568,18 @@ static void judge_flood(struct health *health, const struct health_input *input,
 static void judge_daemon(struct health *health, const struct health_input *input)
 {
     if (input->config_errors > 0) {
-        WARNING("odidctl check FILE lists them, and what is used instead.",
+        WARNING("configuration-values", "odidctl check FILE lists them, and what is used instead.",
                 "configuration: %u value%s not usable", input->config_errors,
                 input->config_errors == 1 ? "" : "s");
     }
     if (input->filter_logging) {
-        WARNING("It ended twice by a forbidden system call: send the log to whoever maintains it.",
+        WARNING("filter-logs",
+                "It ended twice by a forbidden system call: send the log to whoever maintains it.",
                 "system-call filter only logs");
     }
     if (!input->realtime) {
         WARNING(
+            "no-realtime",
             "Start it as root; in a container allow real-time priority. Slots may be late under "
             "load.",
             "no real-time priority");
@@ -552,14 +593,17 @@ void health_judge(struct health *health, const struct health_input *input, int64
     memset(health, 0, sizeof(*health));
     judge_any_channel(health, input, now_us);
     if (input->updating) {
-        FAULT("Wait until it is decided: odidctl update says how it stands.", "update in progress");
+        FAULT("update-in-progress", "Wait until it is decided: odidctl update says how it stands.",
+              "update in progress");
     }
     if (bench_position(input)) {
-        FAULT("An invented place is broadcast. Remove [bench] from odid.conf before flying.",
+        FAULT("bench-position",
+              "An invented place is broadcast. Remove [bench] from odid.conf before flying.",
               "bench position in use");
     }
     if (input->condition->simulated) {
-        FAULT("An invented flight is broadcast under the real number. Switch hardware-in-the-loop "
+        FAULT("simulated-flight",
+              "An invented flight is broadcast under the real number. Switch hardware-in-the-loop "
               "off.",
               "simulated flight (HIL mode)");
     }

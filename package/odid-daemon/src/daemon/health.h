@@ -22,6 +22,7 @@ enum health_severity {
 };
 
 struct health_problem {
+    const char *id; /* for programs: it stays when the sentence changes */
     enum health_severity severity;
     char reason[50];  /* for ARM_STATUS.error: at most 49 characters */
     char advice[120]; /* what to do, for a technician */

@@ -314,6 +314,7 @@ static void add_problems(struct json_object *root, const struct health *health)
         struct json_object *object = json_object_new_object();
 
         json_object_array_add(array, object);
+        add_text(object, "id", problem->id);
         add_text(object, "severity", problem->severity == HEALTH_FAULT ? "fault" : "warning");
         add_text(object, "reason", problem->reason);
         add_text(object, "advice", problem->advice);

@@ -221,12 +221,13 @@ static void problems_and_sentences(void **state)
     fixture.input.config_errors = 1;
     strcpy(sentences[0], "odid.conf line 2: [mavlink] udp_port = \"0\": expected 1-65535");
     expect_json("reason", "\"missing basic_id message\"");
-    expect_json("problems",
-                "[{\"severity\":\"fault\",\"reason\":\"missing basic_id message\",\"advice\":\"Set "
-                "[basic_id] uas_id in odid.conf to the aircraft's serial number.\"},"
-                "{\"severity\":\"warning\",\"reason\":\"configuration: 1 value not "
-                "usable\",\"advice\":\"odidctl check FILE lists them, and what is used "
-                "instead.\"}]");
+    expect_json("problems", "[{\"id\":\"basic-id-missing\",\"severity\":\"fault\",\"reason\":"
+                            "\"missing basic_id message\",\"advice\":\"Set "
+                            "[basic_id] uas_id in odid.conf to the aircraft's serial number.\"},"
+                            "{\"id\":\"configuration-values\",\"severity\":\"warning\",\"reason\":"
+                            "\"configuration: 1 value not "
+                            "usable\",\"advice\":\"odidctl check FILE lists them, and what is used "
+                            "instead.\"}]");
     expect_json("configuration.fingerprint", "\"0123456789abcdef\"");
     expect_json("configuration.sentences",
                 "[\"odid.conf line 2: [mavlink] udp_port = \\\"0\\\": expected 1-65535\"]");

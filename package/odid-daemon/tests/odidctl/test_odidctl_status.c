@@ -79,7 +79,7 @@ static void updates(void **state)
     (void)state;
     assert_int_equal(CALL("status"), 0);
     assert_null(strstr(said, "Updates"));
-    put("run/odid-appliance/update.json",
+    put("run/odid-appliance/update-state.json",
         "{\"state\": \"trial\", \"sentence\": \"Version 2 is on trial.\"}");
     assert_int_equal(CALL("status"), 0);
     assert_non_null(strstr(said, "Updates\n"
@@ -98,7 +98,7 @@ static void updates(void **state)
     assert_int_equal(CALL("update"), 0);
     assert_string_equal(said, "Version 2 is on trial.\n"
                               "The last one: The update was refused: why.\n");
-    shell("rm run/odid-appliance/update.json data/odid/update.json");
+    shell("rm run/odid-appliance/update-state.json data/odid/update.json");
     assert_int_equal(CALL("update"), 3);
     end(daemon);
 }

@@ -201,14 +201,15 @@ static void the_state_as_the_page_reads_it(void **state)
     (void)state;
     update_init(&update, 0);
     assert_int_equal(update_write_state(folder, &update), 0);
-    expect_text("update.json", "{ \"state\": \"idle\", \"percent\": null, \"seconds_left\": null, "
-                               "\"sentence\": \"No update is going on.\" }\n");
+    expect_text("update-state.json",
+                "{ \"state\": \"idle\", \"percent\": null, \"seconds_left\": null, "
+                "\"sentence\": \"No update is going on.\" }\n");
     update_begins(&update, 0);
     update_version(&update, "1.2.0");
     update_progress(&update, 0, 0);
     update_progress(&update, 50, 10000000);
     assert_int_equal(update_write_state(folder, &update), 0);
-    expect_text("update.json",
+    expect_text("update-state.json",
                 "{ \"state\": \"installing\", \"percent\": 50, \"seconds_left\": 10, "
                 "\"sentence\": \"Version 1.2.0 is being written.\" }\n");
     assert_int_equal(update_write_state("/nonexistent", &update), -ENOENT);
