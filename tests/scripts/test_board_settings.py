@@ -17,13 +17,15 @@ done <"$2"
 DEFAULTS = {"board__antenna": "internal", "board__usb": "host", "board__uarts": "", "board__console": "off"}
 
 
-def run(one, environment="slot=a\n", **changed):
+def run(one, environment="slot=a\n", readable=True, **changed):
     for name, text in (("fw_printenv", PRINTENV), ("fw_setenv", SETENV)):
         one.write(f"usr/bin/{name}", text)
         (one.root / "usr/bin" / name).chmod(0o755)
     if environment is not None:
         one.write("environment", environment)
         one.write("run/fw_env.config", "place\n")
+        if readable:    # by odid-update
+            one.write("run/odid-appliance/update-state.json", "{}\n")
     one.settings(**DEFAULTS | changed)
     return one.run("/lib/odid/board-settings")
 
@@ -51,6 +53,13 @@ def test_an_environment_that_can_not_be_written_is_a_fault(appliance):
     appliance.write("read-only", "")
     assert run(appliance, board__antenna="external").returncode == 1
     assert "can't be written" in appliance.fault("board")
+
+
+def test_an_environment_that_can_not_be_read_is_not_written(appliance):
+    """One unreadable copy of two, and fw_printenv's and fw_setenv's was the built-in one: the board went back to the first slot."""
+    appliance.change("lib/odid/board-settings", ("sleep 1", ":"))
+    assert run(appliance, readable=False, board__antenna="external").returncode == 1
+    assert "can't be read" in appliance.fault("board") and not appliance.calls()
 
 
 def test_an_environment_that_is_not_found_is_a_fault(appliance):

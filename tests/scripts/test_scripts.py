@@ -206,6 +206,40 @@ def test_the_port_where_the_autopilot_is_heard_is_kept(two_autopilots):
     assert two_autopilots.read("data/odid/autopilot-port") == FTDI_NAME + "\n"
 
 
+SEVEN_LOOKS = "until [ $(cat /looks | wc -l) -gt 7 ]; do usleep 10000; done"
+
+
+@pytest.mark.parametrize("was, armed, listened", [("", "disarmed no 1", True), ("asked", "disarmed no 1", False), ("", "armed once 1", False)])
+def test_the_port_that_is_kept_stays_so_while_it_is_plugged_in(two_autopilots, was, armed, listened):
+    """A device that spoke before the autopilot had started was the autopilot, of the next flights as well. All are listened to once
+    more, on the ground."""
+    two_autopilots.write("data/odid/autopilot-port", FTDI_NAME + "\n")
+    two_autopilots.write("armed", armed + "\n")
+    if was:
+        two_autopilots.write("run/mavlink-router.asked", "")
+    assert judged(two_autopilots, "/dev/ttyACM1", heard=True, wait=SEVEN_LOOKS) == (["sv term mavlink-router"] * listened, True)
+    assert two_autopilots.read("data/odid/autopilot-port") == FTDI_NAME + "\n"
+
+
+def test_one_that_isn_t_plugged_in_any_more_isn_t_kept(two_autopilots):
+    two_autopilots.write("data/odid/autopilot-port", "usb-Other-if00\n")
+    assert judged(two_autopilots, "/dev/ttyUSB0", heard=True, wait=SEVEN_LOOKS) == ([], True)
+    assert two_autopilots.read("data/odid/autopilot-port") == FTDI_NAME + "\n"
+
+
+@pytest.mark.parametrize("device, waited", [("auto", ["5", "10", "15"]), ("/dev/ttyAMA0", [])])
+def test_nobody_takes_the_place_of_one_that_is_starting(two_autopilots, device, waited):
+    """At power-on it isn't on USB yet; what was there instead was taken without having said a word."""
+    two_autopilots.write("data/odid/autopilot-port", "usb-Other-if00\n")
+    two_autopilots.settings(autopilot__device=device)
+    two_autopilots.change("etc/sv/mavlink-router/run", ("/proc/uptime", "/uptime"), ("pause 1", "echo $((up += 5)).0 0 >/uptime; echo $up >>/waited"))
+    two_autopilots.write("uptime", "3.0 0\n")
+    two_autopilots.write("waited", "")
+    two_autopilots.must("mknod /dev/ttyAMA0 c 4 65")
+    search(two_autopilots, "echo /dev/ttyACM0")
+    assert two_autopilots.read("waited").split() == waited and two_autopilots.exists("began")
+
+
 def test_where_only_one_port_is_wanted_nothing_is_judged(two_autopilots):
     two_autopilots.settings(autopilot__device="usb:0403:6001")
     assert judged(two_autopilots, "/dev/ttyUSB0", heard=False) == ([], True)
@@ -344,7 +378,7 @@ def test_nobody_on_the_ground_speaks_as_the_vehicle(appliance, vehicle):
     for name, keys in made.items():
         if "Endpoint" in name and name not in ("UartEndpoint autopilot", "UdpEndpoint daemon"):
             assert keys["BlockSrcSysIn"] == (vehicle or "1") and keys["BlockSrcCompIn"] == "1,236,237,238"
-            assert keys["BlockMsgIdIn"] == "12918,256,126,2,109,166"
+            assert keys["BlockMsgIdIn"] == "12918,256,126,2,109,166,386,387,388,232,113,101,102,104,138,331,11011,123"
 
 
 def loaded(appliance):
@@ -389,7 +423,10 @@ def test_the_ground_station_s_interface_may_come_and_go(appliance):
     def event(action, *others):
         appliance.write("loaded", "")
         for name in ("eth0", *others):
-            appliance.must(f"ACTION={action} MDEV={name} /lib/odid/device-network")
+            if action == "add":
+                plugged(appliance, name)
+            else:
+                appliance.must(f"ACTION={action} MDEV={name} /lib/odid/device-network")
         return appliance.read("loaded")
 
     appliance.write("sys/class/net/eth0/ifindex", "2\n")
@@ -494,8 +531,32 @@ def test_a_radio_s_interface_is_no_device_of_its_name(appliance):
     assert rules[0].split() == ["SUBSYSTEM=net;.*", "root:root", "660", "!", "*/lib/odid/device-network"]
     for name in ("eth0", "ethA", "usb0"):
         appliance.write(f"sys/class/net/{name}/phy80211/name", "phy0\n")
+        (appliance.root / f"sys/class/net/{name}/device").mkdir()
         appliance.must(f"MDEV={name} ACTION=add /lib/odid/device-network")
     assert appliance.calls() == [] and not list((appliance.root / "run").glob("service/udhcpc-*"))
+
+
+def test_a_radio_itself_is_no_device_of_its_name_either(appliance):
+    """hostapd called the radio ttyACM0, and had it go."""
+    rules = [line for line in appliance.read("etc/mdev.conf").splitlines() if line and not line.startswith("#")]
+    assert rules[1].split() == ["SUBSYSTEM=ieee80211;.*", "root:root", "660", "!"]
+
+
+@pytest.mark.parametrize("action, adapter", [("move", True), ("change", True), ("add", False)])
+def test_a_name_alone_starts_nothing(appliance, action, adapter):
+    """Each name that hostapd gave to eth0, or to a radio's interface that it deleted at once, left a process of root's."""
+    for number in range(3):
+        if adapter:
+            (appliance.root / f"sys/class/net/usb{number}/device").mkdir(parents=True)
+        appliance.must(f"MDEV=usb{number} ACTION={action} /lib/odid/device-network; MDEV=usb{number} ACTION=remove /lib/odid/device-network")
+    assert appliance.calls() == [] and not list((appliance.root / "run").glob("service/udhcpc-*"))
+
+
+def test_not_more_adapters_are_served_than_a_board_has(appliance):
+    supervised(appliance)
+    for number in range(12):
+        plugged(appliance, f"usb{number}")
+    assert 6 <= len(list((appliance.root / "run/service").glob("udhcpc-*"))) <= 8
 
 
 def test_only_the_daemon_blocks_and_unblocks_radios(appliance):
@@ -573,6 +634,12 @@ def test_a_country_that_is_not_in_force_is_a_fault(appliance, in_force, fault):
 # --- networks ---------------------------------------------------------------------------
 
 
+def plugged(appliance, interface):
+    """mdev's word that it came: a device's, as the kernel has it."""
+    (appliance.root / f"sys/class/net/{interface}/device").mkdir(parents=True, exist_ok=True)
+    appliance.must(f"ACTION=add MDEV={interface} /lib/odid/device-network")
+
+
 def supervised(appliance):
     """sv knows none of these yet; runsv says what it is given."""
     appliance.write("usr/bin/sv", "#!/bin/sh\nexit 1\n")
@@ -584,7 +651,7 @@ def supervised(appliance):
 def test_each_adapter_that_is_plugged_in_gets_an_address(appliance):
     supervised(appliance)
     for interface in ("eth1", "usb0", "wwan0", "lo", "sit0"):
-        appliance.must(f"ACTION=add MDEV={interface} /lib/odid/device-network")
+        plugged(appliance, interface)
     # They aren't waited for.
     wait_for("three of them", lambda: len(appliance.calls()) >= 3)
     time.sleep(0.3)
@@ -594,14 +661,15 @@ def test_each_adapter_that_is_plugged_in_gets_an_address(appliance):
 
 def test_one_that_was_there_before_goes_on(appliance):
     """sv knows it."""
-    appliance.must("ACTION=add MDEV=usb0 /lib/odid/device-network")
+    appliance.must("mkdir -p /run/service/udhcpc-usb0")
+    plugged(appliance, "usb0")
     appliance.must("ACTION=remove MDEV=usb0 /lib/odid/device-network")
     assert appliance.calls() == ["sv up udhcpc-usb0", "sv down udhcpc-usb0"]
 
 
 def test_a_computer_on_the_usb_cable_is_given_an_address(appliance):
     supervised(appliance)
-    appliance.must("ACTION=add MDEV=gadget0 /lib/odid/device-network")
+    plugged(appliance, "gadget0")
     wait_for("its DHCP server", lambda: "runsv /run/service/udhcpd-gadget0" in appliance.calls())
     assert "start 192.168.42.10\n" in appliance.read("run/udhcpd-gadget0.conf")
 
@@ -940,7 +1008,7 @@ def test_what_is_asked_and_answered_by_a_cable_is_no_line_in_the_log_each_time(a
 def test_a_network_that_overlapped_is_asked_for_again_when_the_other_has_gone(appliance):
     for name in ("eth0", "wwan0", "usb0"):
         appliance.write(f"run/faults/dhcp-{name}", "It overlaps.\n")
-    appliance.must("ACTION=remove MDEV=usb0 /lib/odid/device-network")
+    appliance.must("mkdir -p /run/service/udhcpc-usb0 && ACTION=remove MDEV=usb0 /lib/odid/device-network")
     assert appliance.calls() == ["sv down udhcpc-usb0", "sv term udhcpc", "sv term udhcpc-wwan0"]
 
 

@@ -6,7 +6,7 @@
  * MAVLink frame a datagram. It ends, with 1, when the serial port hangs up or vanishes. Sections
  * and keys it knows: [General] (TcpServerPort has to be 0 or absent, the rest is passed over),
  * [UartEndpoint x] Device, Baud, BlockSrcCompIn; [UdpEndpoint x] Mode, Address, Port,
- * AllowSrcCompIn, BlockSrcCompIn, BlockSrcSysIn, BlockMsgIdIn (eight at most); other keys of
+ * AllowSrcCompIn, BlockSrcCompIn, BlockSrcSysIn, BlockMsgIdIn (32 at most); other keys of
  * endpoints are passed over, other sections are refused.
  *
  * As mavlink-router's version 4 does (src/endpoint.cpp: read_msg, allowed_by_incoming_filters,
@@ -34,14 +34,15 @@
 #include <unistd.h>
 
 #define MAX_UDP 8
+#define LISTED 32
 #define BUFFER 4096
 
 /* Of what comes in by an endpoint. */
 struct filter {
     bool only_listed; /* AllowSrcCompIn is set */
     bool allowed_component[256], blocked_component[256], blocked_system[256];
-    int blocked_message[8];    /* 0: none */
-    bool lives_here[256][256]; /* systems' components that were heard by it */
+    int blocked_message[LISTED]; /* 0: none */
+    bool lives_here[256][256];   /* systems' components that were heard by it */
 };
 
 struct udp {
@@ -105,10 +106,10 @@ static void set_list(bool list[256], const char *text)
     }
 }
 
-static void set_messages(int list[8], const char *text)
+static void set_messages(int list[LISTED], const char *text)
 {
     for (int i = 0; text != NULL; i++) {
-        if (i == 8)
+        if (i == LISTED)
             die(text, "more messages than the relay can block");
         list[i] = number(text, 1, 0xFFFFFF);
         text = strchr(text, ',');
@@ -256,9 +257,9 @@ static int component_of(const unsigned char *frame)
     return frame[0] == 0xFE ? frame[4] : frame[6];
 }
 
-static bool is_listed(const int list[8], int message)
+static bool is_listed(const int list[LISTED], int message)
 {
-    for (int i = 0; i < 8; i++)
+    for (int i = 0; i < LISTED; i++)
         if (list[i] != 0 && list[i] == message)
             return true;
     return false;

@@ -226,6 +226,10 @@ def crafted(who, flags=2, message=0xFDFDFD):
     return bytes([0xFD, 255, flags, 0, 0, *who, *message.to_bytes(3, "little")]) + b"\xfd" * 257
 
 
+def said(message):
+    return message.pack(common.MAVLink(None, *STATION))
+
+
 # What a peer says, and whether it passes where the vehicle's system and component 1 are blocked, and where only
 # component 236 is allowed.
 RULES = {
@@ -238,8 +242,12 @@ RULES = {
     "the same as its transmitter": (arm_status(TRANSMITTER), False, True),
     "a key to sign with": (setup_signing(STATION), False, False),
     "what an autopilot's port is to say": (serial_control(STATION), False, False),
-    "what time it is": (common.MAVLink_system_time_message(1_800_000_000_000_000, 1).pack(common.MAVLink(None, *STATION)), False, False),
-    "that a radio is full": (common.MAVLink_radio_status_message(1, 1, 0, 1, 1, 0, 0).pack(common.MAVLink(None, *STATION)), False, False),
+    "what time it is": (said(common.MAVLink_system_time_message(1_800_000_000_000_000, 1)), False, False),
+    "that a radio is full": (said(common.MAVLink_radio_status_message(1, 1, 0, 1, 1, 0, 0)), False, False),
+    "what is on the autopilot's CAN bus": (said(common.MAVLink_can_frame_message(1, 1, 0, 8, 0x1234, b"12345678")), False, False),
+    "where it is": (said(common.MAVLink_gps_input_message(1, 0, 0, 1, 1, 3, 1, 1, 1, 1, 1, 0, 0, 0, 1, 1, 1, 9)), False, False),
+    "where a camera sees it": (said(common.MAVLink_vision_position_estimate_message(1, 1, 1, 1, 0, 0, 0)), False, False),
+    "what its receiver's port is to say": (said(common.MAVLink_gps_inject_data_message(1, 1, 2, b"\xb5\x62" + bytes(108))), False, False),
     "as another autopilot": (heartbeat(FOREIGN), False, False),
     "signed": (heartbeat_with(1, STATION), True, False),
     "signed, as its transmitter": (heartbeat_with(1, TRANSMITTER), False, True),
