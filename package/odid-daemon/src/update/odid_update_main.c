@@ -86,6 +86,18 @@ static void act(int64_t now_us)
     }
 }
 
+static bool undecided(void)
+{
+    return self.update.state == UPDATE_WAITING || self.update.state == UPDATE_TRIAL;
+}
+
+static void count(int64_t now_us)
+{
+    self.beside = false;
+    update_begins(&self.update, now_us);
+    service_show(&self);
+}
+
 static void on_tick(void *context, int64_t now_us)
 {
     (void)context;
@@ -94,15 +106,13 @@ static void on_tick(void *context, int64_t now_us)
     } else {
         update_hawkbit_follow_configuration();
     }
+    if (self.beside && !undecided()) {
+        count(now_us); /* the other one was decided: now this one keeps the others out */
+    }
     loop_arm(&self.tick, now_us + SECOND_US);
 }
 
 /* ---- what SWUpdate does ---- */
-
-static bool undecided(void)
-{
-    return self.update.state == UPDATE_WAITING || self.update.state == UPDATE_TRIAL;
-}
 
 static void on_begins(int64_t now_us)
 {
@@ -113,8 +123,7 @@ static void on_begins(int64_t now_us)
     self.source = UPDATE_SOURCE_UNKNOWN;
     self.refused[0] = '\0';
     if (!self.beside) {
-        update_begins(&self.update, now_us);
-        service_show(&self);
+        count(now_us);
     }
 }
 
@@ -123,18 +132,9 @@ static void on_source(enum update_source source)
     self.source = source;
 }
 
-/* Is it beside another update still? When that was decided meanwhile, it is the one that counts. */
-static bool is_beside(int64_t now_us)
-{
-    if (self.beside && !undecided()) {
-        on_begins(now_us);
-    }
-    return self.beside;
-}
-
 static void on_progress(int percent, int64_t now_us)
 {
-    if (is_beside(now_us) || !self.passed) {
+    if (self.beside || !self.passed) {
         return;
     }
     if (self.update.state == UPDATE_CHECKING) {
@@ -205,7 +205,7 @@ static void on_ends(const char *why, int64_t now_us)
     bool passed = self.passed, broke_off = passed && self.update.stopped == NULL;
 
     self.passed = self.stopping = false;
-    if (is_beside(now_us)) {
+    if (self.beside) {
         refuse(why, "");
         self.beside = false;
         self.overwritten = self.reason[0] != '\0';

@@ -277,6 +277,13 @@ static void slot_b_is_on_trial(void)
     slot_b_is_on_trial_from(UPDATE_SOURCE_OTHER);
 }
 
+static void it_is_kept(bool kept)
+{
+    pass(70);
+    assert_int_equal(board.variables.trial_failed, kept ? '\0' : 'b');
+    assert_int_equal(board.variables.slot, kept ? 'b' : 'a');
+}
+
 static int setup(void **state)
 {
     (void)state;
@@ -420,6 +427,44 @@ static void one_that_is_begun_again_and_again_is_ended(void **state)
     on_begins(now_us); /* that it is called off stays said */
     assert_non_null(self.update.stopped);
     swupdate_ends(true);
+    assert_int_equal(self.update.state, UPDATE_IDLE);
+}
+
+/* Its stick stands still: nobody was told that it keeps the others out, nor could call it off. */
+static void one_that_began_in_a_trial_is_watched_when_that_is_over(void **state)
+{
+    for (unsigned called_off = 0; called_off < 2; called_off++) {
+        setup(state);
+        slot_b_is_on_trial();
+        on_begins(now_us);
+        on_source(UPDATE_SOURCE_OTHER);
+        pass(21);
+        assert_int_equal(board.variables.slot, 'b');
+        assert_int_equal(self.update.state, UPDATE_CHECKING);
+        put(HAWKBIT, "-u https://updates.example.org\n");
+        if (called_off) {
+            cancel(answer);
+            assert_string_equal(answer, "");
+        } else {
+            pass(31);
+        }
+        assert_true(board.ended > 0);
+        assert_int_equal(access(HAWKBIT_PAUSE, F_OK), -1); /* it is no server's still */
+        swupdate_ends(true);
+        pass(60);
+        assert_int_equal(self.update.state, UPDATE_IDLE); /* nothing is beside anything now */
+    }
+}
+
+/* Before the trial is over. */
+static void one_that_was_refused_in_a_trial_is_over(void **state)
+{
+    (void)state;
+    slot_b_is_on_trial();
+    on_begins(now_us);
+    on_ends("refused", now_us);
+    it_is_kept(true);
+    assert_int_equal(board.ended, 0);
     assert_int_equal(self.update.state, UPDATE_IDLE);
 }
 
@@ -623,13 +668,6 @@ static void slot_b_is_on_trial_with_services(void)
     put(SSH_KEYS, "ssh-ed25519 AAAA\n");
     board.wifi = "on air";
     slot_b_is_on_trial();
-}
-
-static void it_is_kept(bool kept)
-{
-    pass(70);
-    assert_int_equal(board.variables.trial_failed, kept ? '\0' : 'b');
-    assert_int_equal(board.variables.slot, kept ? 'b' : 'a');
 }
 
 /* Between the writing and the restart, or in the trial. */
@@ -889,6 +927,8 @@ int main(void)
         cmocka_unit_test_setup(after_one_that_broke_off_hawkbit_is_left_alone, setup),
         cmocka_unit_test_setup(a_server_that_offers_garbage_is_left_alone, setup),
         cmocka_unit_test_setup(one_that_is_begun_again_and_again_is_ended, setup),
+        cmocka_unit_test_setup(one_that_began_in_a_trial_is_watched_when_that_is_over, setup),
+        cmocka_unit_test_setup(one_that_was_refused_in_a_trial_is_over, setup),
         cmocka_unit_test_setup(one_that_comes_after_a_pretended_one_is_installed, setup),
         cmocka_unit_test_setup(one_that_is_called_off_before_the_gate_is_not_begun_again, setup),
         cmocka_unit_test_setup(for_a_technician_s_file_no_server_is_left_alone, setup),
