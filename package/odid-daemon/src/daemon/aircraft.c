@@ -18,7 +18,7 @@ struct aircraft *aircraft_init(const struct config *config, int64_t start_us)
     memset(&aircraft, 0, sizeof(aircraft));
     aircraft.config = config;
     aircraft.start_us = start_us;
-    aircraft.heartbeat_us = INT64_MIN;
+    aircraft.heartbeat_us = aircraft.kind_us = INT64_MIN;
     arming_init(&aircraft.arming, false);
     aircraft.landed_us = aircraft.in_air_us = aircraft.crashed_us = INT64_MIN;
     aircraft.landed_no_us = aircraft.lies_us = INT64_MIN;
@@ -124,6 +124,21 @@ static bool took_off_just_before(const struct aircraft *aircraft, int64_t now_us
            now_us - aircraft->armed_ended_us < SAME_FLIGHT_US;
 }
 
+/* What it is doesn't change in flight: where two take turns, the first word stands as long as it is
+ * said. */
+static void take_kind(struct aircraft *aircraft, const struct telemetry_update *update,
+                      int64_t now_us)
+{
+    bool same = aircraft->mav_type == update->heartbeat.mav_type &&
+                aircraft->autopilot == update->heartbeat.autopilot;
+
+    if (same || !aircraft_fresh(aircraft->kind_us, now_us)) {
+        aircraft->mav_type = update->heartbeat.mav_type;
+        aircraft->autopilot = update->heartbeat.autopilot;
+        aircraft->kind_us = now_us;
+    }
+}
+
 static void take_heartbeat(struct aircraft *aircraft, const struct telemetry_update *update,
                            int64_t now_us)
 {
@@ -152,8 +167,7 @@ static void take_heartbeat(struct aircraft *aircraft, const struct telemetry_upd
     aircraft->armed = armed;
     aircraft->heartbeat_us = now_us;
     aircraft->simulated = update->heartbeat.base_mode & MAV_MODE_FLAG_HIL_ENABLED;
-    aircraft->mav_type = update->heartbeat.mav_type;
-    aircraft->autopilot = update->heartbeat.autopilot;
+    take_kind(aircraft, update, now_us);
     /* The text counts with what a crash brings: some only say it, and fly on. */
     if (says_armed && aircraft->crashed_us != INT64_MIN &&
         now_us - aircraft->crashed_us > CRASH_DISARMS_US) {

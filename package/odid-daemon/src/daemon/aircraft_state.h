@@ -120,6 +120,7 @@ struct aircraft {
 
     int64_t heartbeat_us; /* INT64_MIN: never; likewise below */
     uint8_t mav_type, autopilot, system_status, said_status;
+    int64_t kind_us;     /* when that type, of that autopilot, was said last */
     bool doubtful;       /* two sources speak as the autopilot */
     int64_t doubtful_us; /* since when */
     bool simulated;      /* it says that it flies in a simulation */

@@ -288,9 +288,34 @@ static void ua_type_auto_follows_the_heartbeat(void **state)
     look();
     assert_int_equal(view.basic_id[0].ua_type, 2);
     sim.mav_type = MAV_TYPE_FIXED_WING;
-    heartbeat();
-    look();
+    fly(4);
     assert_int_equal(view.basic_id[0].ua_type, 1);
+}
+
+/* As the autopilot, on its own side: the UA type on the air was by turns the forger's. */
+static void who_forges_heartbeats_does_not_change_what_it_is(void **state)
+{
+    struct telemetry_update forged = update_of(TELEMETRY_HEARTBEAT);
+
+    (void)state;
+    configure(0, 1, CONFIG_UA_TYPE_AUTO, "SSRS5GBG01");
+    sim.mav_type = MAV_TYPE_HEXAROTOR;
+    sim.autopilot = MAV_AUTOPILOT_ARDUPILOTMEGA;
+    fly(5);
+    forged.heartbeat.mav_type = MAV_TYPE_FREE_BALLOON;
+    forged.heartbeat.autopilot = MAV_AUTOPILOT_PX4;
+    for (unsigned i = 0; i < 60; i++) {
+        forged.heartbeat.doubtful = i >= 4; /* seen after some of them */
+        for (unsigned in_a_row = 0; in_a_row <= i % 3; in_a_row++) {
+            give(&forged);
+            look();
+            assert_int_equal(view.basic_id[0].ua_type, 2);
+            assert_int_equal(condition.mav_type, MAV_TYPE_HEXAROTOR);
+            assert_int_equal(condition.autopilot, MAV_AUTOPILOT_ARDUPILOTMEGA);
+        }
+        fly(1);
+        assert_int_equal(view.basic_id[0].ua_type, 2);
+    }
 }
 
 static void ua_type_auto_takes_the_native_one_without_a_heartbeat(void **state)
@@ -647,6 +672,7 @@ int main(void)
         cmocka_unit_test_setup(a_binary_id_is_kept_with_its_zeros, begin_setup),
         cmocka_unit_test_setup(a_shorter_id_leaves_nothing_of_a_longer_one, begin_setup),
         cmocka_unit_test_setup(ua_type_auto_follows_the_heartbeat, begin_setup),
+        cmocka_unit_test_setup(who_forges_heartbeats_does_not_change_what_it_is, begin_setup),
         cmocka_unit_test_setup(ua_type_auto_takes_the_native_one_without_a_heartbeat, begin_setup),
         cmocka_unit_test_setup(a_native_ua_type_of_none_is_the_heartbeats, begin_setup),
         cmocka_unit_test_setup(a_configured_ua_type_stays, begin_setup),
