@@ -23,7 +23,7 @@
 
 struct connection {
     struct loop_watch watch;
-    enum { SILENT, ASKING, UNATTENDED } state;
+    enum { SILENT, ASKING, UNATTENDED, BEGUN /* what is unattended */ } state;
     int64_t since_us;
 };
 
@@ -55,12 +55,17 @@ static void end(struct connection *connection)
     close(fd);
 }
 
-static void answer(struct connection *connection, const char *sentence)
+static void tell(struct connection *connection, const char *sentence)
 {
     if (send(connection->watch.fd, sentence, strlen(sentence) + 1, MSG_NOSIGNAL | MSG_DONTWAIT) <
         0) {
         log_warning("update: whoever asked has gone: %s", strerror(errno));
     }
+}
+
+static void answer(struct connection *connection, const char *sentence)
+{
+    tell(connection, sentence);
     end(connection);
 }
 
@@ -69,11 +74,34 @@ static bool is_unattended(void)
     for (unsigned i = 0; i < CONNECTIONS; i++) {
         const struct connection *one = &self.connections[i];
 
-        if (one->watch.fd >= 0 && one->state == UNATTENDED) {
+        if (one->watch.fd >= 0 && (one->state == UNATTENDED || one->state == BEGUN)) {
             return true;
         }
     }
     return false;
+}
+
+void update_gate_begins(void)
+{
+    for (unsigned i = 0; i < CONNECTIONS; i++) {
+        struct connection *one = &self.connections[i];
+
+        if (one->state == UNATTENDED) {
+            one->state = BEGUN;
+        }
+    }
+}
+
+/* Not what was said since it began: that is of the next one. */
+void update_gate_ends(void)
+{
+    for (unsigned i = 0; i < CONNECTIONS; i++) {
+        struct connection *one = &self.connections[i];
+
+        if (one->watch.fd >= 0 && one->state == BEGUN) {
+            end(one);
+        }
+    }
 }
 
 /* Returns whether it is answered. */
@@ -115,6 +143,7 @@ static void take_word(struct connection *connection, const char *word, int64_t n
         on_look(NULL, now_us);
     } else if (strcmp(word, "unattended") == 0) {
         connection->state = UNATTENDED;
+        tell(connection, "");
     } else if (strcmp(word, "cancel") == 0) {
         self.calls->cancel(sentence);
         answer(connection, sentence);
@@ -220,9 +249,9 @@ int update_gate_say(const char *directory, const char *word)
     return error != 0 ? -error : fd;
 }
 
-int update_gate_ask(const char *directory, const char *word, char answer[UPDATE_SENTENCE_SIZE])
+static int say_and_hear(const char *directory, const char *word, char answer[UPDATE_SENTENCE_SIZE])
 {
-    int fd = update_gate_say(directory, word);
+    int fd = update_gate_say(directory, word), error;
     ssize_t length;
 
     if (fd < 0) {
@@ -230,10 +259,27 @@ int update_gate_ask(const char *directory, const char *word, char answer[UPDATE_
     }
     length = recv(fd, answer, UPDATE_SENTENCE_SIZE - 1, 0);
     if (length <= 0) {
-        length = length < 0 ? -errno : -ECONNRESET; /* it ended meanwhile */
-    } else {
-        answer[length] = '\0';
+        error = length < 0 ? errno : ECONNRESET; /* it ended meanwhile */
+        close(fd);
+        return -error;
     }
-    close(fd);
-    return length < 0 ? (int)length : 0;
+    answer[length] = '\0';
+    return fd;
+}
+
+int update_gate_say_unattended(const char *directory)
+{
+    char answer[UPDATE_SENTENCE_SIZE];
+
+    return say_and_hear(directory, "unattended", answer);
+}
+
+int update_gate_ask(const char *directory, const char *word, char answer[UPDATE_SENTENCE_SIZE])
+{
+    int fd = say_and_hear(directory, word, answer);
+
+    if (fd >= 0) {
+        close(fd);
+    }
+    return fd < 0 ? fd : 0;
 }

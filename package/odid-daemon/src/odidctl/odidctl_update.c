@@ -261,11 +261,36 @@ struct attempt {
                     be another story next time */
 };
 
-static int install(const struct places *places, const char *name, struct attempt *attempt)
+/* Returns SWUpdate's connection, or -1, which is said. unattended: NULL, or to be held until it is
+ * over. */
+static int begin(const struct places *places, int *unattended)
+{
+    struct swupdate_request request;
+    int installer;
+
+    if (unattended != NULL) {
+        *unattended = update_gate_say_unattended(places->state);
+        if (*unattended < 0) {
+            fputs("odidctl: the service update doesn't answer: nothing is installed.\n", stderr);
+            return -1;
+        }
+    }
+    swupdate_prepare_req(&request);
+    request.source = SOURCE_LOCAL; /* no server's: none is told, or left alone for it */
+    installer = ipc_inst_start_ext(&request, sizeof(request));
+    if (installer < 0) {
+        fputs("odidctl: SWUpdate takes no bundle: another update is being installed, or it isn't "
+              "running.\n",
+              stderr);
+    }
+    return installer;
+}
+
+static int install(const struct places *places, const char *name, int *unattended,
+                   struct attempt *attempt)
 {
     const struct timespec moment = {.tv_nsec = LOOK_MS * 1000000};
     struct before before = look_before(places);
-    struct swupdate_request request;
     struct source source;
     int installer, code;
     bool whole, disarmed;
@@ -275,14 +300,10 @@ static int install(const struct places *places, const char *name, struct attempt
     if (!open_source(name, &source)) {
         return ODIDCTL_NOT_GOOD;
     }
-    swupdate_prepare_req(&request);
-    request.source = SOURCE_LOCAL; /* no server's: none is told, or left alone for it */
-    installer = ipc_inst_start_ext(&request, sizeof(request));
+    /* Only now, for a stick may take its time: what comes between would count as what was said. */
+    installer = begin(places, unattended);
     if (installer < 0) {
         close(source.fd);
-        fputs("odidctl: SWUpdate takes no bundle: another update is being installed, or it isn't "
-              "running.\n",
-              stderr);
         return ODIDCTL_NO_ANSWER;
     }
     signal(SIGPIPE, SIG_IGN);
@@ -437,16 +458,14 @@ static void note_failure(const struct places *places, const char *identity,
 static int try_file(const struct places *places, const char *path, const char *version,
                     const char *identity)
 {
-    int unattended = update_gate_say(places->state, "unattended"), result;
     struct attempt attempt;
+    int unattended = -1, result;
 
-    if (unattended < 0) {
-        fputs("odidctl: the service update doesn't answer: nothing is installed.\n", stderr);
-        return ODIDCTL_NO_ANSWER;
-    }
     printf("Version %s is tried.\n", version);
-    result = install(places, path, &attempt);
-    close(unattended);
+    result = install(places, path, &unattended, &attempt);
+    if (unattended >= 0) {
+        close(unattended);
+    }
     if (result == ODIDCTL_GOOD) {
         remember_file(places, identity); /* of those that fail their trial the last one is known */
     } else {
@@ -508,5 +527,5 @@ int odidctl_update(const struct places *places, const char *name)
         return cancel(places);
     }
     return stat(name, &file) == 0 && S_ISDIR(file.st_mode) ? install_from(places, name)
-                                                           : install(places, name, &attempt);
+                                                           : install(places, name, NULL, &attempt);
 }

@@ -116,6 +116,7 @@ static void on_tick(void *context, int64_t now_us)
 
 static void on_begins(int64_t now_us)
 {
+    update_gate_begins();
     if (self.passed || self.update.state == UPDATE_CHECKING) {
         return; /* it does one at a time: that isn't its word, or the one before wasn't */
     }
@@ -204,6 +205,7 @@ static void on_ends(const char *why, int64_t now_us)
 {
     bool passed = self.passed, broke_off = passed && self.update.stopped == NULL;
 
+    update_gate_ends(); /* who gave it may still wait for a stick that stands still */
     self.passed = self.stopping = false;
     if (self.beside) {
         refuse(why, "");

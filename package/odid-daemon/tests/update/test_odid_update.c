@@ -29,6 +29,8 @@ static void model_sync(void);
 #define status_fetch model_fetch
 #define update_gate_serve model_gate_serve
 #define update_gate_ask model_gate_ask
+#define update_gate_begins model_gate_begins
+#define update_gate_ends model_gate_ends
 #define sync model_sync
 #define update_write_result model_write_result
 #define update_write_record model_write_record
@@ -61,6 +63,7 @@ static struct {
     const char *bt5;          /* its state; Bluetooth 4 is on the air */
     const char *wifi;         /* likewise; NULL: absent */
     char report;              /* to hawkBit's server */
+    unsigned begun, over;     /* the gate was told so of an install */
     unsigned restarts, ended; /* init was told to restart; SWUpdate was ended */
 } board;
 
@@ -155,6 +158,16 @@ int model_gate_serve(const char *directory, const struct update_gate_calls *call
 {
     (void)directory, (void)calls;
     return 0;
+}
+
+void model_gate_begins(void)
+{
+    board.begun++;
+}
+
+void model_gate_ends(void)
+{
+    board.over++;
 }
 
 int model_gate_ask(const char *directory, const char *question, char answer[UPDATE_SENTENCE_SIZE])
@@ -454,6 +467,25 @@ static void one_that_began_in_a_trial_is_watched_when_that_is_over(void **state)
         pass(60);
         assert_int_equal(self.update.state, UPDATE_IDLE); /* nothing is beside anything now */
     }
+}
+
+/* What a stick's odidctl has said isn't said of the next one. */
+static void the_gate_knows_when_an_install_is_over(void **state)
+{
+    (void)state;
+    slot_a_runs_1_0_0();
+    given(UPDATE_SOURCE_OTHER, true);
+    pass(31);
+    assert_int_equal(board.begun, 1);
+    assert_int_equal(board.over, 0);
+    swupdate_ends(true);
+    assert_int_equal(board.over, 1);
+    setup(state); /* also when it counts for nothing else */
+    slot_b_is_on_trial();
+    on_begins(now_us);
+    assert_int_equal(board.begun, 2);
+    on_ends("refused", now_us);
+    assert_int_equal(board.over, 2);
 }
 
 /* Before the trial is over. */
@@ -928,6 +960,7 @@ int main(void)
         cmocka_unit_test_setup(a_server_that_offers_garbage_is_left_alone, setup),
         cmocka_unit_test_setup(one_that_is_begun_again_and_again_is_ended, setup),
         cmocka_unit_test_setup(one_that_began_in_a_trial_is_watched_when_that_is_over, setup),
+        cmocka_unit_test_setup(the_gate_knows_when_an_install_is_over, setup),
         cmocka_unit_test_setup(one_that_was_refused_in_a_trial_is_over, setup),
         cmocka_unit_test_setup(one_that_comes_after_a_pretended_one_is_installed, setup),
         cmocka_unit_test_setup(one_that_is_called_off_before_the_gate_is_not_begun_again, setup),
