@@ -85,6 +85,7 @@ def two_autopilots(appliance):
     return appliance
 
 
+ACM_NAME = "usb-ArduPilot_Pixhawk__1__3E_00-if00"
 FTDI_NAME = "usb-FTDI_FT232R_USB_UART_A50285BI-if00-port0"
 
 
@@ -209,8 +210,10 @@ def test_the_port_where_the_autopilot_is_heard_is_kept(two_autopilots):
 SEVEN_LOOKS = "until [ $(cat /looks | wc -l) -gt 7 ]; do usleep 10000; done"
 
 
-@pytest.mark.parametrize("was, armed, listened", [("", "disarmed no 1", True), ("asked", "disarmed no 1", False), ("", "armed once 1", False)])
-def test_the_port_that_is_kept_stays_so_while_it_is_plugged_in(two_autopilots, was, armed, listened):
+@pytest.mark.parametrize("was, armed, listened, kept", [
+    ("", "disarmed no 1", True, FTDI_NAME), ("", "armed once 1", False, FTDI_NAME),
+    ("asked", "disarmed no 1", False, ACM_NAME)])    # it had nothing to say then
+def test_the_port_that_is_kept_stays_so_while_it_is_plugged_in(two_autopilots, was, armed, listened, kept):
     """A device that spoke before the autopilot had started was the autopilot, of the next flights as well. All are listened to once
     more, on the ground."""
     two_autopilots.write("data/odid/autopilot-port", FTDI_NAME + "\n")
@@ -218,7 +221,7 @@ def test_the_port_that_is_kept_stays_so_while_it_is_plugged_in(two_autopilots, w
     if was:
         two_autopilots.write("run/mavlink-router.asked", "")
     assert judged(two_autopilots, "/dev/ttyACM1", heard=True, wait=SEVEN_LOOKS) == (["sv term mavlink-router"] * listened, True)
-    assert two_autopilots.read("data/odid/autopilot-port") == FTDI_NAME + "\n"
+    assert two_autopilots.read("data/odid/autopilot-port").strip() in (kept, *([ACM_NAME] * listened))  # the router that ends is looked at on
 
 
 def test_one_that_isn_t_plugged_in_any_more_isn_t_kept(two_autopilots):
@@ -290,6 +293,17 @@ def test_a_port_arrives(two_autopilots, last, used, since_s, heard, restarted):
                         "ACTION=add MDEV=ttyUSB0 /lib/odid/device-autopilot")
     assert two_autopilots.calls() == ["sv term mavlink-router"] * restarted + ["sv up mavlink-router"]
     assert two_autopilots.exists("run/mavlink-router.back") == restarted
+
+
+@pytest.mark.parametrize("last", ["", "usb-Other-if00"])
+def test_the_only_port_takes_nobody_s_place(appliance, last):
+    """Its arrival had it taken at once, while the autopilot was starting and had no port yet."""
+    appliance.port("ttyUSB0", "1-2", 0, 0, **FTDI)
+    if last:
+        appliance.write("data/odid/autopilot-port", last + "\n")
+    appliance.must("mkdir -p /run/service/mavlink-router/supervise && mkfifo /run/service/mavlink-router/supervise/control && "
+                   "ACTION=add MDEV=ttyUSB0 /lib/odid/device-autopilot")
+    assert appliance.calls() == ["sv term mavlink-router", "sv up mavlink-router"] and not appliance.exists("run/mavlink-router.back")
 
 
 def arrives(appliance):
@@ -378,7 +392,7 @@ def test_nobody_on_the_ground_speaks_as_the_vehicle(appliance, vehicle):
     for name, keys in made.items():
         if "Endpoint" in name and name not in ("UartEndpoint autopilot", "UdpEndpoint daemon"):
             assert keys["BlockSrcSysIn"] == (vehicle or "1") and keys["BlockSrcCompIn"] == "1,236,237,238"
-            assert keys["BlockMsgIdIn"] == "12918,256,126,2,109,166,386,387,388,232,113,101,102,104,138,331,11011,123"
+            assert keys["BlockMsgIdIn"] == "12918,256,126,2,109,166,386,387,388,232,113,101,102,103,104,138,331,11011,123"
 
 
 def loaded(appliance):
@@ -411,6 +425,7 @@ def test_no_other_interface_is_the_ground_station_s_by_its_name(appliance):
     (appliance.root / "sys/class/net/eth0/phy80211").mkdir()
     appliance.write("loaded", "")
     assert "element inet odid way" not in loaded(appliance)
+    assert "eth0 is a radio" in appliance.fault("way")
     appliance.must("rm -r /sys/class/net/eth0/phy80211 && mkdir /sys/class/net/2")    # for nft a name comes before a number
     appliance.write("loaded", "")
     assert "element inet odid way" not in loaded(appliance)
@@ -432,7 +447,11 @@ def test_the_ground_station_s_interface_may_come_and_go(appliance):
     appliance.write("sys/class/net/eth0/ifindex", "2\n")
     assert event("add", "eth0", "usb1").count(WAY) == 1
     assert not event("add")
-    appliance.must("rm -r /sys/class/net/eth0")
+    # Whoever else may have its name now: it is there still.
+    appliance.must("mv /sys/class/net/eth0 /sys/class/net/x")
+    appliance.write("sys/class/net/eth0/ifindex", "5\n")
+    assert not event("remove", "wlan1")
+    appliance.must("rm -r /sys/class/net/eth0 /sys/class/net/x")
     gone = event("remove", "eth0")
     assert gone.count("table inet odid {") == 1 and WAY not in gone
     # Before the filter is loaded at first it is nobody's to load: it looks itself.
@@ -557,6 +576,7 @@ def test_not_more_adapters_are_served_than_a_board_has(appliance):
     for number in range(12):
         plugged(appliance, f"usb{number}")
     assert 6 <= len(list((appliance.root / "run/service").glob("udhcpc-*"))) <= 8
+    assert "isn't served" in appliance.fault("adapters")
 
 
 def test_only_the_daemon_blocks_and_unblocks_radios(appliance):
@@ -903,6 +923,7 @@ def test_no_lease_takes_the_technician_s_networks_away(appliance, ip, mask, take
 def test_no_lease_takes_the_ground_station_away(appliance, ip, mask, station, interface, taken):
     """A modem's DHCP server had its address: neither side heard the other any more."""
     appliance.settings(ground_station__address=station)
+    appliance.write("run/odid-appliance/firewall", "2\n")
     appliance.write(f"sys/class/net/{interface}/ifindex", "2\n")
     appliance.change("lib/odid/dhcp-event", ("ip addr", "/usr/bin/ip addr"))
     appliance.must(f"interface={interface} ip={ip} mask={mask} router= dns= /lib/odid/dhcp-event bound")
@@ -1015,14 +1036,15 @@ def test_a_network_that_overlapped_is_asked_for_again_when_the_other_has_gone(ap
 RIGHT = "1.2", "12d1", "14dc"
 
 
-def modem(appliance, lease="10.9.8.7/24", interface="usb0", plugged=RIGHT):
-    """Is the lease used? plugged: its USB port and model, or None: it isn't on USB."""
+def modem(appliance, lease="10.9.8.7/24", interface="usb0", plugged=RIGHT, filtered=9):
+    """Is the lease used? plugged: its USB port and model, or None: it isn't on USB. filtered: whom the filter knows as the way."""
     usb = appliance.root / "sys/devices/usb1"
     appliance.must("rm -rf /sys/devices /calls /sys/class/net")
     for name, value in zip(("devpath", "idVendor", "idProduct"), plugged or ()):
         appliance.write(usb / name, value + "\n")
     (usb / "1:1.0").mkdir(parents=True, exist_ok=True)
     appliance.write(f"sys/class/net/{interface}/ifindex", "9\n")
+    appliance.write("run/odid-appliance/firewall", f"{filtered}\n")
     (appliance.root / f"sys/class/net/{interface}/device").symlink_to("../../../devices/usb1/1:1.0")
     ip, mask = lease.split("/")
     appliance.must(f"interface={interface} ip={ip} mask={mask} router= dns= /lib/odid/dhcp-event bound")
@@ -1042,11 +1064,18 @@ def by_modem(appliance):
 
 
 @pytest.mark.parametrize("plugged, used", [
-    (RIGHT, True), (("1.1", "12d1", "14dc"), False), (("1.2", "12d1", "14db"), False), (("1.2", "0bda", "14dc"), False), (None, False)])
+    (RIGHT, True), (("1.1", "12d1", "14dc"), False), (("1.2", "12d1", "14db"), False), (("1.2", "0bda", "14dc"), False), (None, True)])
 def test_an_adapter_that_has_the_name_of_the_ground_station_s_isn_t_its_way(by_modem, plugged, used):
     """Whoever was found first was usb0: a modem of somebody else's heard all, and could speak as the ground station."""
     assert modem(by_modem, plugged=plugged) == used
     assert modem(by_modem, interface="usb1", plugged=plugged)
+    assert modem(by_modem)
+
+
+def test_one_that_was_given_the_name_is_neither_the_way_nor_kept_as_it(by_modem):
+    """hostapd gave a modem the name of the ground station's interface, whose own adapter was then refused for good."""
+    by_modem.must("rm /data/odid/way")
+    assert not modem(by_modem, filtered=2) and not by_modem.exists("data/odid/way")
     assert modem(by_modem)
 
 
@@ -1083,6 +1112,7 @@ def test_names_are_asked_where_the_way_out_is(appliance):
 def test_a_lease_at_the_ground_station_s_interface_brings_its_own_way(appliance):
     """Any DHCP server by cable was the way out, and a ground station behind a modem was heard no more."""
     appliance.settings(ground_station__address="203.0.113.9:14550", ground_station__interface="wwan0")
+    appliance.write("run/odid-appliance/firewall", "3\n")
     appliance.change("lib/odid/dhcp-event", ("ip addr", "/usr/bin/ip addr"), ("ip route", "/usr/bin/ip route"))
     for number, interface in enumerate(("eth0", "wwan0"), 2):
         appliance.write(f"sys/class/net/{interface}/ifindex", f"{number}\n")
@@ -1094,6 +1124,7 @@ def test_a_lease_at_the_ground_station_s_interface_brings_its_own_way(appliance)
 
 def test_a_ground_station_in_the_lease_s_own_network_is_reached_without_its_gateway(appliance):
     appliance.settings(ground_station__address="10.2.0.9")
+    appliance.write("run/odid-appliance/firewall", "2\n")
     appliance.change("lib/odid/dhcp-event", ("ip addr", "/usr/bin/ip addr"), ("ip route", "/usr/bin/ip route"))
     appliance.write("sys/class/net/eth0/ifindex", "2\n")
     appliance.must("interface=eth0 ip=10.2.0.3 mask=24 router=10.2.0.1 dns= /lib/odid/dhcp-event bound")
