@@ -76,7 +76,7 @@ static void parse_line(const char *line, struct kept *kept)
 }
 
 /* Returns the text's length, or -errno. The folder is the daemon's, and the reader may be root. */
-static ssize_t read_text(const char *run_dir, char text[TEXT_SIZE])
+static ssize_t read_kept_text(const char *run_dir, char text[TEXT_SIZE])
 {
     char path[PATH_SIZE];
     struct stat file;
@@ -96,7 +96,7 @@ static ssize_t read_text(const char *run_dir, char text[TEXT_SIZE])
 int kept_read(const char *run_dir, struct kept *kept)
 {
     char text[TEXT_SIZE] = "", *rest = text, *line;
-    ssize_t length = read_text(run_dir, text);
+    ssize_t length = read_kept_text(run_dir, text);
 
     memset(kept, 0, sizeof(*kept));
     if (length < 0) {

@@ -47,7 +47,7 @@ static bool fill_address(struct sockaddr_un *address, const char *directory)
 
 /* ---- serving ---- */
 
-static void end(struct connection *connection)
+static void end_connection(struct connection *connection)
 {
     int fd = connection->watch.fd;
 
@@ -55,7 +55,7 @@ static void end(struct connection *connection)
     close(fd);
 }
 
-static void tell(struct connection *connection, const char *sentence)
+static void send_sentence(struct connection *connection, const char *sentence)
 {
     if (send(connection->watch.fd, sentence, strlen(sentence) + 1, MSG_NOSIGNAL | MSG_DONTWAIT) <
         0) {
@@ -63,10 +63,10 @@ static void tell(struct connection *connection, const char *sentence)
     }
 }
 
-static void answer(struct connection *connection, const char *sentence)
+static void answer_and_end(struct connection *connection, const char *sentence)
 {
-    tell(connection, sentence);
-    end(connection);
+    send_sentence(connection, sentence);
+    end_connection(connection);
 }
 
 static bool is_unattended(void)
@@ -99,7 +99,7 @@ void update_gate_ends(void)
         struct connection *one = &self.connections[i];
 
         if (one->watch.fd >= 0 && one->state == BEGUN) {
-            end(one);
+            end_connection(one);
         }
     }
 }
@@ -117,7 +117,7 @@ static bool try_gate(struct connection *connection, int64_t now_us)
     } else {
         return false;
     }
-    answer(connection, sentence);
+    answer_and_end(connection, sentence);
     return true;
 }
 
@@ -143,12 +143,12 @@ static void take_word(struct connection *connection, const char *word, int64_t n
         on_look(NULL, now_us);
     } else if (strcmp(word, "unattended") == 0) {
         connection->state = UNATTENDED;
-        tell(connection, "");
+        send_sentence(connection, "");
     } else if (strcmp(word, "cancel") == 0) {
         self.calls->cancel(sentence);
-        answer(connection, sentence);
+        answer_and_end(connection, sentence);
     } else {
-        end(connection);
+        end_connection(connection);
     }
 }
 
@@ -163,13 +163,13 @@ static void on_word(void *context, uint32_t events, int64_t now_us)
         return;
     }
     if (length <= 0 || connection->state != SILENT) {
-        end(connection);
+        end_connection(connection);
         return;
     }
     take_word(connection, word, now_us);
 }
 
-static void on_connection(void *context, uint32_t events, int64_t now_us)
+static void on_asker(void *context, uint32_t events, int64_t now_us)
 {
     int fd = accept4(self.listener.fd, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC);
 
@@ -216,7 +216,7 @@ int update_gate_serve(const char *directory, const struct update_gate_calls *cal
     }
     umask(mask);
     if (result == 0) {
-        result = loop_watch(&self.listener, fd, EPOLLIN, on_connection, NULL);
+        result = loop_watch(&self.listener, fd, EPOLLIN, on_asker, NULL);
     }
     if (result < 0) {
         close(fd);

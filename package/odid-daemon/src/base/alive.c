@@ -46,7 +46,7 @@ void alive_open(void)
     }
 }
 
-static void on_timer(void *context, int64_t now_us)
+static void on_sign_due(void *context, int64_t now_us)
 {
     (void)context;
     /* A full pipe: a keeper that stopped, and has enough to read when it goes on. */
@@ -71,6 +71,6 @@ void alive_start(int64_t now_us)
         return;
     }
     self.due_us = now_us;
-    loop_timer_init(&self.timer, on_timer, NULL);
+    loop_timer_init(&self.timer, on_sign_due, NULL);
     loop_arm(&self.timer, now_us);
 }

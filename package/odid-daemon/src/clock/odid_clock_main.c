@@ -175,7 +175,7 @@ static void judge_plausibility(int64_t autopilot_us)
 }
 
 /* Returns whether the autopilot's time is known. */
-static bool look(void)
+static bool look_at_autopilot(void)
 {
     static char answer[STATUS_ANSWER_MAX];
     ssize_t length = status_ask(self.places.run_dir, PATIENCE_MS, answer);
@@ -195,7 +195,7 @@ static bool look(void)
     return true;
 }
 
-static int serve(void)
+static int follow_autopilot(void)
 {
     struct timespec pause = {.tv_sec = ASK_AGAIN_S};
     sigset_t set;
@@ -211,7 +211,7 @@ static int serve(void)
     signal(SIGPIPE, SIG_IGN); /* of the log */
     self.save_us = time_us(CLOCK_MONOTONIC) + SAVE_EVERY_US;
     do {
-        pause.tv_sec = look() ? LOOK_AGAIN_S : ASK_AGAIN_S;
+        pause.tv_sec = look_at_autopilot() ? LOOK_AGAIN_S : ASK_AGAIN_S;
         if (time_us(CLOCK_MONOTONIC) >= self.save_us) {
             save();
         }
@@ -278,5 +278,5 @@ int main(int argc, char *argv[])
     }
     places_under(&self.places, root);
     self.build_us = read_build_us();
-    return self.boot ? set_at_boot() : serve();
+    return self.boot ? set_at_boot() : follow_autopilot();
 }

@@ -51,7 +51,7 @@ struct search {
     char value[VALUE_SIZE];
 };
 
-static void look(void *context, const struct config_key *key, const char *value, unsigned line)
+static void find_key(void *context, const struct config_key *key, const char *value, unsigned line)
 {
     struct search *search = context;
 
@@ -135,8 +135,8 @@ static char *change(const char *text, size_t length, const struct search *search
 }
 
 /* In a new line: after the last one of its section, or in a new section. */
-static char *add(const char *text, size_t length, const struct search *search, const char *value,
-                 size_t *new_length)
+static char *insert(const char *text, size_t length, const struct search *search, const char *value,
+                    size_t *new_length)
 {
     const char *end = line_end(text, length);
     char written[VALUE_SIZE], piece[2 * VALUE_SIZE];
@@ -167,14 +167,14 @@ char *config_edit_set(const char *text, size_t length, const struct config_key *
     struct search search = {.key = key}, result = {.key = key};
     char *made;
 
-    walk(text, length, look, &search);
+    walk(text, length, find_key, &search);
     made = search.setting > 0 ? change(text, length, &search, value, new_length)
-                              : add(text, length, &search, value, new_length);
+                              : insert(text, length, &search, value, new_length);
     if (made == NULL) {
         return NULL;
     }
     /* Whatever else stands there: it counts only if it reads as it was meant. */
-    walk(made, *new_length, look, &result);
+    walk(made, *new_length, find_key, &result);
     if (result.setting == 0 || strcmp(result.value, value) != 0) {
         free(made);
         errno = EINVAL;
@@ -206,7 +206,7 @@ static void blank_line(char *line, size_t length)
     memcpy(line, note, length < strlen(note) ? length : strlen(note));
 }
 
-static void take_line(void *context, const struct config_key *key, const char *value, unsigned line)
+static void take_over(void *context, const struct config_key *key, const char *value, unsigned line)
 {
     struct take *take = context;
     size_t length, ending, at;
@@ -254,7 +254,7 @@ unsigned config_edit_take_password(char *text, size_t length,
 
     memset(password, 0, CONFIG_PASSWORD_MAX + 1);
     /* A line is changed in text only after it was read. */
-    walk(text, length, take_line, &take);
+    walk(text, length, take_over, &take);
     return take.lines + take_interrupted(text, length);
 }
 

@@ -305,7 +305,7 @@ static struct span next_line(struct reader *reader)
     return trim(line);
 }
 
-static char *read_line(char *out, int size, void *stream)
+static char *feed_inih(char *out, int size, void *stream)
 {
     struct reader *reader = stream;
     size_t room = size < LINE_SIZE ? (size_t)size : LINE_SIZE;
@@ -398,6 +398,6 @@ void config_ini_read(struct config *config, struct config_source *source, const 
     struct reader reader = {
         .config = config, .source = source, .next = text, .end = text + length, .section = ""};
 
-    ini_parse_stream(read_line, &reader, on_setting, &reader);
+    ini_parse_stream(feed_inih, &reader, on_setting, &reader);
     source->line = 0;
 }

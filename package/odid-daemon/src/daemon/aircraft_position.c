@@ -147,7 +147,7 @@ double aircraft_rate_hz(const struct aircraft_rate *rate, int64_t now_us)
 }
 
 /* The mean interval of the last few: the first ones weigh alike. An interruption is none. */
-static void count(struct aircraft_rate *rate, int64_t now_us)
+static void count_position(struct aircraft_rate *rate, int64_t now_us)
 {
     if (!aircraft_fresh(rate->last_us, now_us)) {
         rate->counted = 0;
@@ -209,7 +209,7 @@ bool aircraft_confirm_position(struct aircraft *aircraft, int64_t now_us)
     fix->east_mps = update->global_position.east_mps;
     fix->vertical_speed_mps =
         vertical_upright_mps(&aircraft->vertical, update->global_position.up_mps);
-    count(&aircraft->telemetry_rate, now_us);
+    count_position(&aircraft->telemetry_rate, now_us);
     compare(aircraft, now_us);
     aircraft_compare_altitudes(aircraft, now_us);
     return true;
@@ -361,7 +361,7 @@ bool aircraft_take_location(struct aircraft *aircraft, const struct telemetry_up
     move_to(aircraft, &aircraft->native, update->location.latitude_deg,
             update->location.longitude_deg, now_us);
     aircraft->native.altitude_msl_m = NAN;
-    count(&aircraft->native_rate, now_us);
+    count_position(&aircraft->native_rate, now_us);
     compare(aircraft, now_us);
     aircraft_compare_altitudes(aircraft, now_us);
     return true;

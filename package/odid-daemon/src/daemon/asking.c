@@ -66,7 +66,7 @@ static int64_t longest_wait_us(unsigned which)
     return which < VITAL ? VITAL_AGAIN_MAX_US : AGAIN_MAX_US;
 }
 
-static void take_answer(struct asking *asking, const struct telemetry_update *update)
+static void take_ack(struct asking *asking, const struct telemetry_update *update)
 {
     if (asking->asked < 0 || update->command_ack.command != MAV_CMD_SET_MESSAGE_INTERVAL) {
         return;
@@ -99,7 +99,7 @@ void asking_heard(struct asking *asking, const struct telemetry_update *update, 
 {
     if (update->kind == TELEMETRY_COMMAND_ACK) {
         asking->unanswered = 0;
-        take_answer(asking, update);
+        take_ack(asking, update);
         return;
     }
     if (update->kind == TELEMETRY_GPS_RAW) {

@@ -26,7 +26,7 @@ void autopilot_clock_new_boot(struct autopilot_clock *clock)
     clock->step_seen = 0;
 }
 
-static void start(struct autopilot_clock *clock, uint32_t boot_ms, int64_t now_us)
+static void start_clock(struct autopilot_clock *clock, uint32_t boot_ms, int64_t now_us)
 {
     clock->boot_known = true;
     clock->last_boot_ms = boot_ms;
@@ -133,7 +133,7 @@ int64_t autopilot_clock_boot(struct autopilot_clock *clock, uint32_t boot_ms, in
         return now_us;
     }
     if (!clock->boot_known) {
-        start(clock, boot_ms, now_us);
+        start_clock(clock, boot_ms, now_us);
     }
     boot_us = unwrap(clock, boot_ms, &newest);
     clock->heard_us = now_us;

@@ -20,8 +20,8 @@ static struct {
 /* ---- opening and closing ---- */
 
 /* What an adapter's channels share. One that this controller can't do stays so. */
-static void enter(struct bluetooth_adapter *adapter, enum radio_state state, const char *detail,
-                  int64_t now_us)
+static void enter_radios(struct bluetooth_adapter *adapter, enum radio_state state,
+                         const char *detail, int64_t now_us)
 {
     for (int i = 0; i < BLUETOOTH_SETS; i++) {
         struct bluetooth_advertising *set = &adapter->sets[i];
@@ -37,7 +37,7 @@ static void close_and_retry(struct bluetooth_adapter *adapter, enum radio_state 
 {
     hci_close(&adapter->hci);
     adapter->awaited = 0;
-    enter(adapter, state, detail, now_us);
+    enter_radios(adapter, state, detail, now_us);
     loop_arm(&adapter->timer, retry_next(&adapter->retry, now_us));
 }
 
@@ -110,7 +110,7 @@ static void open_adapter(struct bluetooth_adapter *adapter, int64_t now_us)
     bluetooth_advance(adapter, now_us);
 }
 
-static void on_timer(void *context, int64_t now_us)
+static void on_adapter_timer(void *context, int64_t now_us)
 {
     struct bluetooth_adapter *adapter = context;
 
@@ -161,7 +161,7 @@ static struct bluetooth_adapter *add_adapter(const char *name)
         .repair_from_us = INT64_MIN,
         .repair_logged_us = INT64_MIN / 2,
     };
-    loop_timer_init(&adapter->timer, on_timer, adapter);
+    loop_timer_init(&adapter->timer, on_adapter_timer, adapter);
     return adapter;
 }
 

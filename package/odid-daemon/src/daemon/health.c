@@ -18,11 +18,11 @@
 /* System's time goes by whole seconds, and is on its way for a while. */
 #define OPERATOR_CLOCK_S 5
 
-static void add(struct health *health, enum health_severity severity, const char *id,
-                const char *advice, const char *format, ...) __attribute__((format(printf, 5, 6)));
+static void note(struct health *health, enum health_severity severity, const char *id,
+                 const char *advice, const char *format, ...) __attribute__((format(printf, 5, 6)));
 
-static void add(struct health *health, enum health_severity severity, const char *id,
-                const char *advice, const char *format, ...)
+static void note(struct health *health, enum health_severity severity, const char *id,
+                 const char *advice, const char *format, ...)
 {
     struct health_problem *problem = &health->problem[health->count];
     char reason[128];
@@ -42,8 +42,8 @@ static void add(struct health *health, enum health_severity severity, const char
     snprintf(problem->advice, sizeof(problem->advice), "%s", advice);
 }
 
-#define FAULT(...) add(health, HEALTH_FAULT, __VA_ARGS__)
-#define WARNING(...) add(health, HEALTH_WARNING, __VA_ARGS__)
+#define FAULT(...) note(health, HEALTH_FAULT, __VA_ARGS__)
+#define WARNING(...) note(health, HEALTH_WARNING, __VA_ARGS__)
 
 /* ---- channels ---- */
 

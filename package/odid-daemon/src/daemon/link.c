@@ -49,7 +49,7 @@ static struct {
     int handed_down;       /* the keeper's UDP socket, ours too; < 0: there is none */
 } self = {.watch.fd = -1, .handed_down = -1, .status.overrun_us = INT64_MIN};
 
-static void enter(enum link_state state, int64_t now_us)
+static void enter_state(enum link_state state, int64_t now_us)
 {
     static const char *const names[] = {
         [LINK_ABSENT] = "absent", [LINK_SILENT] = "silent", [LINK_ALIVE] = "alive"};
@@ -68,7 +68,7 @@ static void enter(enum link_state state, int64_t now_us)
     }
 }
 
-static void lose(const char *what, int error, int64_t now_us)
+static void lose_link(const char *what, int error, int64_t now_us)
 {
     int fd = self.watch.fd;
 
@@ -80,14 +80,14 @@ static void lose(const char *what, int error, int64_t now_us)
     loop_arm(&self.pause, LOOP_NEVER);
     loop_arm(&self.retry, now_us + RETRY_US);
     snprintf(self.status.detail, sizeof(self.status.detail), "%s: %s", what, strerror(error));
-    enter(LINK_ABSENT, now_us);
+    enter_state(LINK_ABSENT, now_us);
 }
 
 static void heard(size_t length, int64_t now_us)
 {
     self.heard_us = now_us;
     self.status.bytes_in += length;
-    enter(LINK_ALIVE, now_us);
+    enter_state(LINK_ALIVE, now_us);
 }
 
 static void on_silence(void *context, int64_t now_us)
@@ -95,7 +95,7 @@ static void on_silence(void *context, int64_t now_us)
     (void)context;
     if (now_us - self.heard_us >= LINK_SILENT_US) {
         snprintf(self.status.detail, sizeof(self.status.detail), "open, but nothing comes");
-        enter(LINK_SILENT, now_us);
+        enter_state(LINK_SILENT, now_us);
         loop_arm(&self.silence, now_us + LINK_SILENT_US);
     } else {
         loop_arm(&self.silence, self.heard_us + LINK_SILENT_US);
@@ -135,11 +135,11 @@ static void on_serial(void *context, uint32_t events, int64_t now_us)
         self.bytes(self.context, 0, buffer, (size_t)length, now_us);
     }
     if (length == 0) {
-        lose("hang-up", EIO, now_us);
+        lose_link("hang-up", EIO, now_us);
     } else if (length < 0 && errno != EAGAIN && errno != EINTR) {
-        lose("read", errno, now_us);
+        lose_link("read", errno, now_us);
     } else if (events & (EPOLLHUP | EPOLLERR)) {
-        lose("hang-up", EIO, now_us);
+        lose_link("hang-up", EIO, now_us);
     } else if (length > 0) {
         pause_reading(now_us);
     }
@@ -224,7 +224,7 @@ static void on_udp(void *context, uint32_t events, int64_t now_us)
             break;
         }
         if (length < 0) {
-            lose("receive", errno, now_us);
+            lose_link("receive", errno, now_us);
             return;
         }
         octets += (size_t)length;
@@ -274,13 +274,13 @@ static void open_link(void *context, int64_t now_us)
 
     (void)context;
     if (fd < 0) {
-        lose("open", -fd, now_us);
+        lose_link("open", -fd, now_us);
         return;
     }
     result = loop_watch(&self.watch, fd, EPOLLIN, serial ? on_serial : on_udp, NULL);
     if (result < 0) {
         close(fd);
-        lose("watch", -result, now_us);
+        lose_link("watch", -result, now_us);
         return;
     }
     for (unsigned i = 0; i < TELEMETRY_STREAMS; i++) {

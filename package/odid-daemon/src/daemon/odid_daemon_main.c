@@ -152,7 +152,7 @@ static void gather(void *context, struct status_snapshot *snapshot, int64_t now_
     snapshot->config_report = (const char(*)[CONFIG_PROBLEM_SIZE])self.options.report;
 }
 
-static void ask(const struct aircraft_condition *condition, uint8_t vehicle, int64_t now_us)
+static void ask_vehicle(const struct aircraft_condition *condition, uint8_t vehicle, int64_t now_us)
 {
     struct asking_request request;
 
@@ -273,7 +273,7 @@ static void restore(int64_t now_us)
     }
 }
 
-static void tell(uint8_t vehicle, const char *reason, bool armed, int64_t now_us)
+static void tell_pilot(uint8_t vehicle, const char *reason, bool armed, int64_t now_us)
 {
     bool fault = reason[0] != '\0';
 
@@ -295,13 +295,13 @@ static void on_look(void *context, int64_t now_us)
 
     (void)context;
     judge(&input, &health, &view, &condition, now_us);
-    ask(&condition, vehicle, now_us);
+    ask_vehicle(&condition, vehicle, now_us);
     /* The first HEARTBEAT says whether it is armed, or what it does. */
     decided = telemetry_heartbeat_us(self.telemetry) != INT64_MIN || condition.flies_unheard;
     late = telemetry_vehicle_speaks(self.telemetry, now_us) &&
            now_us - self.start_us >= AIRCRAFT_FRESH_US;
     if (decided || late) { /* before, the pilot would be told that none came */
-        tell(vehicle, health_reason(&health), condition.armed, now_us);
+        tell_pilot(vehicle, health_reason(&health), condition.armed, now_us);
         for (enum channel channel = 0; channel < CHANNELS; channel++) {
             pilot_channel(&self.pilot, vehicle, channel, &self.radios[channel], now_us);
         }
@@ -355,7 +355,7 @@ static void start_modules(int64_t now_us)
     alive_start(now_us);
 }
 
-static int run(void)
+static int run_daemon(void)
 {
     int result = loop_init();
 
@@ -402,5 +402,5 @@ int main(int argc, char *argv[])
     if (self.options.check) {
         return self.options.errors + self.options.warnings > 0 ? EXIT_FAILURE : EXIT_SUCCESS;
     }
-    return run();
+    return run_daemon();
 }

@@ -102,7 +102,7 @@ static void make_answer(int64_t now_us)
  * A connection gets everything in one piece: it fits into a fresh socket's
  * buffer, so nobody has to wait for a slow reader.
  */
-static void answer(int fd, int64_t now_us)
+static void send_answer(int fd, int64_t now_us)
 {
     if (self.length == 0 || now_us - self.made_us >= MADE_EVERY_US) {
         make_answer(now_us);
@@ -118,7 +118,7 @@ static void pause_until(int64_t end_us)
     loop_arm(&self.pause, end_us);
 }
 
-static void on_connection(void *context, uint32_t events, int64_t now_us)
+static void on_reader(void *context, uint32_t events, int64_t now_us)
 {
     int fd;
 
@@ -135,7 +135,7 @@ static void on_connection(void *context, uint32_t events, int64_t now_us)
     self.taken++;
     fd = accept4(self.watch.fd, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC);
     if (fd >= 0) {
-        answer(fd, now_us); /* one a round: the schedule comes first */
+        send_answer(fd, now_us); /* one a round: the schedule comes first */
         close(fd);
     } else if (errno != EAGAIN && errno != EINTR && errno != ECONNABORTED) {
         log_warning("status: accept: %s", strerror(errno));
@@ -153,7 +153,7 @@ static int bind_and_listen(int fd, const struct sockaddr_un *address)
         chmod(address->sun_path, 0660) < 0 || listen(fd, BACKLOG) < 0) {
         return -errno;
     }
-    return loop_watch(&self.watch, fd, EPOLLIN, on_connection, NULL);
+    return loop_watch(&self.watch, fd, EPOLLIN, on_reader, NULL);
 }
 
 static int open_socket(void)

@@ -12,8 +12,8 @@ static double degrees(int32_t deg_e7)
 }
 
 /* 0,0 means unknown, for both; so does what is nowhere on Earth. */
-static void place(int32_t latitude_e7, int32_t longitude_e7, double *latitude_deg,
-                  double *longitude_deg)
+static void place_e7(int32_t latitude_e7, int32_t longitude_e7, double *latitude_deg,
+                     double *longitude_deg)
 {
     bool known = (latitude_e7 != 0 || longitude_e7 != 0) && latitude_e7 >= -900000000 &&
                  latitude_e7 <= 900000000 && longitude_e7 >= -1800000000 &&
@@ -47,8 +47,8 @@ static double separation_or_nan(int32_t above_ellipsoid_mm, int32_t above_sea_mm
         (update)->gps_raw.fix_type = (raw).fix_type;                                               \
         (update)->gps_raw.time_us = (raw).time_usec;                                               \
         (update)->gps_raw.altitude_msl_m = (raw).alt == 0 ? NAN : (raw).alt / 1000.0;              \
-        place((raw).lat, (raw).lon, &(update)->gps_raw.latitude_deg,                               \
-              &(update)->gps_raw.longitude_deg);                                                   \
+        place_e7((raw).lat, (raw).lon, &(update)->gps_raw.latitude_deg,                            \
+                 &(update)->gps_raw.longitude_deg);                                                \
         (update)->gps_raw.separation_m = separation_or_nan((raw).alt_ellipsoid, (raw).alt);        \
         (update)->gps_raw.horizontal_accuracy_m = thousandths_or_nan((raw).h_acc);                 \
         (update)->gps_raw.vertical_accuracy_m = thousandths_or_nan((raw).v_acc);                   \
@@ -77,8 +77,8 @@ static void read_global_position(const mavlink_message_t *message, struct teleme
 
     mavlink_msg_global_position_int_decode(message, &position);
     update->global_position.boot_ms = position.time_boot_ms;
-    place(position.lat, position.lon, &update->global_position.latitude_deg,
-          &update->global_position.longitude_deg);
+    place_e7(position.lat, position.lon, &update->global_position.latitude_deg,
+             &update->global_position.longitude_deg);
     update->global_position.altitude_msl_m = position.alt / 1000.0;
     update->global_position.relative_altitude_m = position.relative_alt / 1000.0;
     update->global_position.north_mps = position.vx / 100.0;
@@ -91,7 +91,8 @@ static void read_home(const mavlink_message_t *message, struct telemetry_update 
     mavlink_home_position_t home;
 
     mavlink_msg_home_position_decode(message, &home);
-    place(home.latitude, home.longitude, &update->home.latitude_deg, &update->home.longitude_deg);
+    place_e7(home.latitude, home.longitude, &update->home.latitude_deg,
+             &update->home.longitude_deg);
     update->home.altitude_msl_m = home.altitude / 1000.0;
 }
 

@@ -40,7 +40,7 @@ static bool climb_known(const struct vertical *vertical, int64_t at_us)
     return age_us >= 0 && age_us < CLIMB_AGE_MAX_US && moves(vertical->climb_mps);
 }
 
-static void begin(struct vertical *vertical, int64_t at_us, double altitude_m)
+static void begin_window(struct vertical *vertical, int64_t at_us, double altitude_m)
 {
     vertical->begun = true;
     vertical->from_us = at_us;
@@ -55,7 +55,7 @@ void vertical_position(struct vertical *vertical, int64_t at_us, double altitude
 
     vertical->newest_us = at_us;
     if (!vertical->begun || window_us < 0 || window_us > GAP_US) {
-        begin(vertical, at_us, altitude_m);
+        begin_window(vertical, at_us, altitude_m);
         return;
     }
     vertical->sum_mps += up_mps;
@@ -68,7 +68,7 @@ void vertical_position(struct vertical *vertical, int64_t at_us, double altitude
         if (!climb_known(vertical, at_us) || (vertical->climb_mps > 0) == (rose_mps > 0)) {
             vote(vertical, rose_mps, said_mps);
         }
-        begin(vertical, at_us, altitude_m);
+        begin_window(vertical, at_us, altitude_m);
     }
 }
 

@@ -124,7 +124,7 @@ static int write_all(int fd, const char *bytes, size_t length, off_t offset)
 }
 
 /* A new file takes the old one's place at once, whole. */
-static int replace(struct recorder_store *store, int directory, const char *name)
+static int write_anew(struct recorder_store *store, int directory, const char *name)
 {
     int fd = openat(directory, FRESH_NAME, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
     struct stat is;
@@ -187,7 +187,7 @@ static int write_to(struct recorder_store *store, int directory)
         anew = true;
     }
     if (result == 0) {
-        result = anew ? replace(store, directory, name) : append(store, directory, name);
+        result = anew ? write_anew(store, directory, name) : append(store, directory, name);
     }
     if (result == 0) {
         store->text.changed = false;
@@ -196,7 +196,7 @@ static int write_to(struct recorder_store *store, int directory)
     return result;
 }
 
-static void tell(struct recorder_store *store, int error)
+static void log_whether_written(struct recorder_store *store, int error)
 {
     if (error != 0 && store->error == 0) {
         log_warning("the flight record can't be written to %s: %s; it is kept in memory and tried "
@@ -224,7 +224,7 @@ int recorder_store_write(struct recorder_store *store, int64_t now_us)
         result = write_to(store, directory);
         close(directory);
     }
-    tell(store, -result);
+    log_whether_written(store, -result);
     return result;
 }
 

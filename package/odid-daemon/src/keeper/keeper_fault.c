@@ -19,7 +19,7 @@ static int write_line(int directory, const char *name, const char *sentence)
     return result;
 }
 
-static int replace(int directory, const char *sentence)
+static int replace_fault(int directory, const char *sentence)
 {
     int result = write_line(directory, "." KEEPER_FAULT_NAME, sentence);
 
@@ -43,7 +43,7 @@ static int change(const char *path, const char *sentence)
     if (directory < 0) {
         return errno == ENOENT ? 0 : -errno;
     }
-    result = sentence != NULL ? replace(directory, sentence) : take_away(directory);
+    result = sentence != NULL ? replace_fault(directory, sentence) : take_away(directory);
     close(directory);
     return result;
 }

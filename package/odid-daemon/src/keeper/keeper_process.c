@@ -37,7 +37,7 @@ static void close_pipe(struct keeper_process *process)
     }
 }
 
-static void on_readable(void *context, uint32_t events, int64_t now_us)
+static void on_sign(void *context, uint32_t events, int64_t now_us)
 {
     struct keeper_process *process = context;
     char bytes[256];
@@ -57,7 +57,7 @@ static void on_readable(void *context, uint32_t events, int64_t now_us)
 void keeper_process_drain(struct keeper_process *process, int64_t now_us)
 {
     if (process->watch.fd >= 0) {
-        on_readable(process, EPOLLIN, now_us);
+        on_sign(process, EPOLLIN, now_us);
     }
 }
 
@@ -90,8 +90,8 @@ static void forget_signals(void)
     signal(SIGPIPE, SIG_DFL);
 }
 
-__attribute__((noreturn)) static void become(char *const command[], bool log_mode, int alive,
-                                             int link_socket, pid_t keeper)
+__attribute__((noreturn)) static void exec_daemon(char *const command[], bool log_mode, int alive,
+                                                  int link_socket, pid_t keeper)
 {
     const char **words = log_mode ? with_log_mode(command) : (const char **)command;
 
@@ -126,7 +126,7 @@ int keeper_process_start(struct keeper_process *process, char *const command[], 
     if (fcntl(ends[0], F_SETFL, O_NONBLOCK) < 0) {
         result = -errno;
     } else {
-        result = loop_watch(&process->watch, ends[0], EPOLLIN, on_readable, process);
+        result = loop_watch(&process->watch, ends[0], EPOLLIN, on_sign, process);
     }
     if (result < 0) {
         close(ends[0]);
@@ -135,7 +135,7 @@ int keeper_process_start(struct keeper_process *process, char *const command[], 
     }
     process->pid = fork();
     if (process->pid == 0) {
-        become(command, log_mode, ends[1], link_socket, keeper);
+        exec_daemon(command, log_mode, ends[1], link_socket, keeper);
     }
     result = process->pid < 0 ? -errno : 0;
     close(ends[1]);

@@ -119,7 +119,7 @@ static void renew_link_socket(const struct config *config)
     }
 }
 
-static void start(int64_t now_us)
+static void start_daemon(int64_t now_us)
 {
     struct config config;
     int result;
@@ -152,7 +152,7 @@ static void advance(int64_t now_us)
     while ((action = keeper_next(&self.keeper, now_us)) != KEEPER_NOTHING) {
         switch (action) {
         case KEEPER_START:
-            start(now_us);
+            start_daemon(now_us);
             break;
         case KEEPER_KILL:
             kill_it(now_us);
@@ -209,7 +209,7 @@ static void on_death(int signal, int code, int64_t now_us)
     }
 }
 
-static void on_signal(void *context, uint32_t events, int64_t now_us)
+static void on_signals(void *context, uint32_t events, int64_t now_us)
 {
     struct signalfd_siginfo info;
     int signal, code;
@@ -230,7 +230,7 @@ static void on_signal(void *context, uint32_t events, int64_t now_us)
     advance(now_us);
 }
 
-static void on_timer(void *context, int64_t now_us)
+static void on_due(void *context, int64_t now_us)
 {
     (void)context;
     /* Were we late, its bytes wait in the pipe, and it isn't silent at all. */
@@ -245,13 +245,13 @@ static int64_t microseconds(double seconds)
     return (int64_t)(seconds * 1e6);
 }
 
-static int run(void)
+static int run_keeper(void)
 {
     int64_t now_us = loop_now_us();
     int result = loop_init();
 
     if (result == 0) {
-        result = loop_watch_signals(&self.signals, SIGCHLD, on_signal, NULL);
+        result = loop_watch_signals(&self.signals, SIGCHLD, on_signals, NULL);
     }
     if (result < 0) {
         log_error("can't start the event loop: %s", strerror(-result));
@@ -264,7 +264,7 @@ static int run(void)
     }
     keeper_init(&self.keeper, microseconds(self.silent_s), microseconds(self.off_air_s), now_us);
     keeper_process_init(&self.process, on_alive, NULL);
-    loop_timer_init(&self.timer, on_timer, NULL);
+    loop_timer_init(&self.timer, on_due, NULL);
     advance(now_us);
     result = loop_run();
     if (result < 0) {
@@ -327,5 +327,5 @@ int main(int argc, char *argv[])
         good = false;
     }
     self.command = argv + optind;
-    return good ? run() : 2;
+    return good ? run_keeper() : 2;
 }

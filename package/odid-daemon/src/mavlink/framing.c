@@ -85,7 +85,7 @@ static enum verdict judge_content(const uint8_t *at, size_t header, uint8_t seed
 }
 
 /* The frame's length is that of a whole one. *checked: octets under the checksum that was made. */
-static enum verdict judge(const uint8_t *at, mavlink_message_t *message, size_t *checked)
+static enum verdict judge_frame(const uint8_t *at, mavlink_message_t *message, size_t *checked)
 {
     size_t header = at[0] == MAVLINK_STX ? HEADER_2 : HEADER_1;
     const mavlink_msg_entry_t *entry;
@@ -102,7 +102,7 @@ static enum verdict judge(const uint8_t *at, mavlink_message_t *message, size_t 
     return verdict;
 }
 
-static void count(struct framing_counters *counters, enum verdict verdict)
+static void count_verdict(struct framing_counters *counters, enum verdict verdict)
 {
     counters->bad_crc += verdict == BAD_CRC;
     counters->unknown_id += verdict == UNKNOWN_ID;
@@ -125,9 +125,9 @@ void framing_datagram(struct framing_counters *counters, const uint8_t *octets, 
             counters->refused++;
             return;
         }
-        verdict = judge(octets, &message, &checked);
+        verdict = judge_frame(octets, &message, &checked);
         counters->looks += checked;
-        count(counters, verdict);
+        count_verdict(counters, verdict);
         if (verdict == GOOD) {
             deliver(context, &message);
         }
@@ -172,11 +172,11 @@ static enum verdict judge_first(struct framing *framing, struct framing_counters
     enum verdict verdict = REFUSED;
 
     if (framing->spent <= CREDIT_HALVES) {
-        verdict = judge(framing->held + framing->from, message, &checked);
+        verdict = judge_frame(framing->held + framing->from, message, &checked);
     }
     counters->looks += 1 + checked;
     framing->spent += CRC_HALVES * (unsigned)checked;
-    count(counters, verdict);
+    count_verdict(counters, verdict);
     return verdict;
 }
 

@@ -86,7 +86,7 @@ static bool is_blob(const uint8_t *blob, size_t size, const char *type, size_t t
 }
 
 /* NULL: nothing is wrong with it. */
-static const char *judge(const char *line, size_t length)
+static const char *judge_key(const char *line, size_t length)
 {
     uint8_t blob[LINE_MAX_BYTES];
     size_t type = strcspn(line, " \t"), blanks, base64, size;
@@ -161,7 +161,7 @@ struct authorized_keys authorized_keys_read(char *text, size_t *length,
         } else if (size > 0 && out[0] == '#') {
             found.comments++;
         } else if (size > 0) {
-            problem = judge(out, size);
+            problem = judge_key(out, size);
             found.keys += problem == NULL;
         }
         if (problem != NULL) {

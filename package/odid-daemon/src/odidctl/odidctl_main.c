@@ -197,7 +197,7 @@ static int run_command(const struct command *command, int count, char *const wor
     return command->run(words);
 }
 
-static int run(int count, char *const words[])
+static int run_words(int count, char *const words[])
 {
     if (count == 0) {
         return wrong_usage("say what to do");
@@ -270,5 +270,5 @@ int main(int argc, char *argv[])
         }
     }
     places_under(&self.places, self.root);
-    return run(count, words);
+    return run_words(count, words);
 }

@@ -72,7 +72,7 @@ static ino_t result_number(const struct places *places)
     return stat(path, &file) < 0 ? 0 : file.st_ino;
 }
 
-static int tell(const struct places *places)
+static int print_state(const struct places *places)
 {
     struct json_object *state = read_json(places->state, UPDATE_STATE_FILE);
     struct json_object *result = read_json(places->data, UPDATE_RESULT_FILE);
@@ -131,7 +131,7 @@ static struct before look_before(const struct places *places)
 }
 
 /* Returns an exit code when it is over, -1 while it isn't. */
-static int look(const struct places *places, struct before *before)
+static int look_whether_over(const struct places *places, struct before *before)
 {
     struct json_object *state = read_json(places->state, UPDATE_STATE_FILE), *result;
     bool ended = !is(state, "checking") && !is(state, "installing");
@@ -226,7 +226,7 @@ static bool close_source(struct source *source)
 /*
  * Hands the source over until its end, or until what becomes of it is known: an
  * installer that has refused may go on taking what a slow source brings.
- * Returns look()'s answer; *whole: nothing of the source is missed.
+ * Returns look_whether_over()'s answer; *whole: nothing of the source is missed.
  */
 static int hand_over(struct source *source, int installer, const struct places *places,
                      struct before *before, bool *whole)
@@ -236,7 +236,7 @@ static int hand_over(struct source *source, int installer, const struct places *
     ssize_t length = 1;
     int code = -1;
 
-    while (length > 0 && (code = look(places, before)) < 0) {
+    while (length > 0 && (code = look_whether_over(places, before)) < 0) {
         if (poll(&input, 1, LOOK_MS) == 0) {
             continue;
         }
@@ -263,7 +263,7 @@ struct attempt {
 
 /* Returns SWUpdate's connection, or -1, which is said. unattended: NULL, or to be held until it is
  * over. */
-static int begin(const struct places *places, int *unattended)
+static int connect_installer(const struct places *places, int *unattended)
 {
     struct swupdate_request request;
     int installer;
@@ -301,7 +301,7 @@ static int install(const struct places *places, const char *name, int *unattende
         return ODIDCTL_NOT_GOOD;
     }
     /* Only now, for a stick may take its time: what comes between would count as what was said. */
-    installer = begin(places, unattended);
+    installer = connect_installer(places, unattended);
     if (installer < 0) {
         close(source.fd);
         return ODIDCTL_NO_ANSWER;
@@ -316,7 +316,7 @@ static int install(const struct places *places, const char *name, int *unattende
     }
     for (int i = 0; code < 0 && i < PATIENCE_S * 1000 / LOOK_MS; i++) {
         nanosleep(&moment, NULL);
-        code = look(places, &before);
+        code = look_whether_over(places, &before);
     }
     if (code < 0) {
         fputs("odidctl: nothing looks after updates: what became of it isn't known\n", stderr);
@@ -502,7 +502,7 @@ static int install_from(const struct places *places, const char *folder)
 
 /* ---- calling it off ---- */
 
-static int cancel(const struct places *places)
+static int call_off(const struct places *places)
 {
     char answer[UPDATE_SENTENCE_SIZE];
 
@@ -521,10 +521,10 @@ int odidctl_update(const struct places *places, const char *name)
 
     setenv("TMPDIR", places->swupdate, 0); /* where libswupdate looks for SWUpdate */
     if (name == NULL) {
-        return tell(places);
+        return print_state(places);
     }
     if (strcmp(name, "cancel") == 0) {
-        return cancel(places);
+        return call_off(places);
     }
     return stat(name, &file) == 0 && S_ISDIR(file.st_mode) ? install_from(places, name)
                                                            : install(places, name, NULL, &attempt);

@@ -81,7 +81,7 @@ bool hci_name_valid(const char *adapter)
 
 /* ---- receiving ---- */
 
-static void lose(struct hci *hci, int error, int64_t now_us)
+static void lose_controller(struct hci *hci, int error, int64_t now_us)
 {
     hci_close(hci);
     hci->on_lost(hci->context, error, now_us);
@@ -160,7 +160,7 @@ static void take(struct hci *hci, const uint8_t *bytes, size_t length, int64_t n
     }
     for (size_t i = 0; i < length && hci_is_open(hci); i++) {
         if (!take_byte(hci, bytes[i], now_us)) {
-            lose(hci, -EPROTO, now_us); /* only a reset brings it back into step */
+            lose_controller(hci, -EPROTO, now_us); /* only a reset brings it back into step */
         }
     }
 }
@@ -177,7 +177,7 @@ static void on_readable(void *context, uint32_t events, int64_t now_us)
             break;
         }
         if (length <= 0) {
-            lose(hci, length == 0 ? -EIO : -errno, now_us);
+            lose_controller(hci, length == 0 ? -EIO : -errno, now_us);
             return;
         }
         take(hci, buffer, (size_t)length, now_us);
@@ -186,7 +186,7 @@ static void on_readable(void *context, uint32_t events, int64_t now_us)
         }
     }
     if (events & (EPOLLHUP | EPOLLERR)) {
-        lose(hci, -EIO, now_us);
+        lose_controller(hci, -EIO, now_us);
     }
 }
 

@@ -14,7 +14,7 @@
 /* Datagrams read in one go: whoever talks without end must not keep the loop from its deadlines. */
 #define READS_MAX 16
 
-static void lose(struct hostapd_control *control, int error, int64_t now_us)
+static void lose_hostapd(struct hostapd_control *control, int error, int64_t now_us)
 {
     hostapd_control_close(control);
     control->on_lost(control->context, error, now_us);
@@ -22,7 +22,7 @@ static void lose(struct hostapd_control *control, int error, int64_t now_us)
 
 static void on_timeout(void *context, int64_t now_us)
 {
-    lose(context, -ETIMEDOUT, now_us);
+    lose_hostapd(context, -ETIMEDOUT, now_us);
 }
 
 void hostapd_control_init(struct hostapd_control *control, hostapd_reply_fn *on_reply,
@@ -51,7 +51,7 @@ static void take_datagram(struct hostapd_control *control, char *reply, size_t l
     control->on_reply(control->context, reply, now_us);
 }
 
-static void on_readable(void *context, uint32_t events, int64_t now_us)
+static void on_datagram(void *context, uint32_t events, int64_t now_us)
 {
     struct hostapd_control *control = context;
     char reply[REPLY_MAX];
@@ -63,13 +63,13 @@ static void on_readable(void *context, uint32_t events, int64_t now_us)
             break;
         }
         if (length < 0) {
-            lose(control, -errno, now_us);
+            lose_hostapd(control, -errno, now_us);
             return;
         }
         take_datagram(control, reply, (size_t)length, now_us);
     }
     if (control->watch.fd >= 0 && (events & (EPOLLHUP | EPOLLERR))) {
-        lose(control, -ECONNRESET, now_us);
+        lose_hostapd(control, -ECONNRESET, now_us);
     }
 }
 
@@ -102,7 +102,7 @@ int hostapd_control_open(struct hostapd_control *control, const char *hostapd_di
     }
     result = connect_socket(fd, hostapd_dir, iface);
     if (result == 0) {
-        result = loop_watch(&control->watch, fd, EPOLLIN, on_readable, control);
+        result = loop_watch(&control->watch, fd, EPOLLIN, on_datagram, control);
     }
     if (result < 0) {
         close(fd);

@@ -72,7 +72,7 @@ static void unblock_what_is_due(int64_t now_us)
     loop_arm(&self.timer, next_us);
 }
 
-static void tell(struct device *device)
+static void log_whether_blocked(struct device *device)
 {
     if ((device->soft || device->hard) && !device->told) {
         log_warning("rfkill: %s is blocked%s", type_name(device->type),
@@ -84,7 +84,7 @@ static void tell(struct device *device)
 }
 
 /* The device with this index, or a free place for it; NULL when there is none. */
-static struct device *find(uint32_t index)
+static struct device *find_device(uint32_t index)
 {
     struct device *place = NULL;
 
@@ -103,7 +103,7 @@ static struct device *find(uint32_t index)
 
 static void take_event(const struct rfkill_event *event, int64_t now_us)
 {
-    struct device *device = find(event->idx);
+    struct device *device = find_device(event->idx);
 
     if (device == NULL ||
         (event->type != RFKILL_TYPE_WLAN && event->type != RFKILL_TYPE_BLUETOOTH)) {
@@ -120,7 +120,7 @@ static void take_event(const struct rfkill_event *event, int64_t now_us)
     device->type = event->type;
     device->soft = event->soft != 0;
     device->hard = event->hard != 0;
-    tell(device);
+    log_whether_blocked(device);
 }
 
 static void on_readable(void *context, uint32_t events, int64_t now_us)

@@ -69,7 +69,7 @@ static void explain(char out[RECORDER_TEXT_SIZE], int error)
     snprintf(out, RECORDER_TEXT_SIZE, "%s", what);
 }
 
-static void look(struct recorder_snapshot *snapshot)
+static void take_snapshot(struct recorder_snapshot *snapshot)
 {
     static char answer[STATUS_ANSWER_MAX];
     ssize_t length = status_ask(self.places.run_dir, PATIENCE_MS, answer);
@@ -177,7 +177,7 @@ static void read_image(char out[64])
     }
 }
 
-static void start(int64_t now_us)
+static void start_record(int64_t now_us)
 {
     static struct recorder_flight before;
     char boot[64], clean[64], image[64], path[256];
@@ -198,7 +198,7 @@ static void start(int64_t now_us)
 }
 
 /* Returns the signal that ends us. */
-static int run(const sigset_t *signals)
+static int record_until_signal(const sigset_t *signals)
 {
     static struct recorder_snapshot snapshot;
     int64_t next_us = loop_now_us(), left_us;
@@ -206,7 +206,7 @@ static int run(const sigset_t *signals)
     int number;
 
     do {
-        look(&snapshot);
+        take_snapshot(&snapshot);
         recorder_tick(&self.recorder, &snapshot, loop_now_us());
         look_for_update(loop_now_us());
         save_when_due(loop_now_us());
@@ -276,8 +276,8 @@ int main(int argc, char *argv[])
     }
     signal(SIGPIPE, SIG_IGN); /* a logger that ended doesn't end the record */
     signal(SIGXFSZ, SIG_IGN); /* nor does a limit on files */
-    start(loop_now_us());
-    number = run(&signals);
+    start_record(loop_now_us());
+    number = record_until_signal(&signals);
     recorder_end(&self.recorder, loop_now_us());
     save(loop_now_us());
     log_info("ending on signal %d", number);

@@ -25,7 +25,7 @@ static int64_t instant(struct json_object *object, const char *path, int64_t now
     return age_us == INT64_MIN ? INT64_MIN : now_us - (age_us > 0 ? age_us : 0);
 }
 
-static void take_channel(struct recorder_channel_status *out, struct json_object *channel,
+static void read_channel(struct recorder_channel_status *out, struct json_object *channel,
                          int64_t now_us)
 {
     const char *state = recorder_json_text(channel, "state", "unknown");
@@ -56,7 +56,7 @@ void recorder_snapshot(struct recorder_snapshot *snapshot, struct json_object *s
     snapshot->daemon_start_us = now_us - recorder_json_us(status, "uptime_s", 0);
     for (enum channel channel = 0; channel < CHANNELS; channel++) {
         snprintf(path, sizeof(path), "channels.%s", channel_name(channel));
-        take_channel(&snapshot->channels[channel], recorder_json_find(status, path), now_us);
+        read_channel(&snapshot->channels[channel], recorder_json_find(status, path), now_us);
     }
     snapshot->armed_known = json_object_is_type(armed, json_type_boolean);
     snapshot->armed = snapshot->armed_known && json_object_get_boolean(armed);

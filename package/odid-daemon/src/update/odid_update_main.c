@@ -91,7 +91,7 @@ static bool undecided(void)
     return self.update.state == UPDATE_WAITING || self.update.state == UPDATE_TRIAL;
 }
 
-static void count(int64_t now_us)
+static void begin_update(int64_t now_us)
 {
     self.beside = false;
     update_begins(&self.update, now_us);
@@ -107,7 +107,7 @@ static void on_tick(void *context, int64_t now_us)
         update_hawkbit_follow_configuration();
     }
     if (self.beside && !undecided()) {
-        count(now_us); /* the other one was decided: now this one keeps the others out */
+        begin_update(now_us); /* the other one was decided: now this one keeps the others out */
     }
     loop_arm(&self.tick, now_us + SECOND_US);
 }
@@ -124,7 +124,7 @@ static void on_begins(int64_t now_us)
     self.source = UPDATE_SOURCE_UNKNOWN;
     self.refused[0] = '\0';
     if (!self.beside) {
-        count(now_us);
+        begin_update(now_us);
     }
 }
 
@@ -147,7 +147,7 @@ static void on_progress(int percent, int64_t now_us)
     }
 }
 
-static void refuse(const char *why, const char *to)
+static void keep_refusal(const char *why, const char *to)
 {
     char sentence[UPDATE_SENTENCE_SIZE], hardware[UPDATE_SENTENCE_SIZE];
 
@@ -208,7 +208,7 @@ static void on_ends(const char *why, int64_t now_us)
     update_gate_ends(); /* who gave it may still wait for a stick that stands still */
     self.passed = self.stopping = false;
     if (self.beside) {
-        refuse(why, "");
+        keep_refusal(why, "");
         self.beside = false;
         self.overwritten = self.reason[0] != '\0';
         return;
@@ -229,8 +229,8 @@ static void on_ends(const char *why, int64_t now_us)
         } else if (!passed && self.update.stopped == NULL && self.source == UPDATE_SOURCE_SERVER) {
             update_hawkbit_failed(now_us);
         }
-        refuse(why[0] != '\0' ? why : "all went well, but nothing is marked to be started.",
-               self.update.version);
+        keep_refusal(why[0] != '\0' ? why : "all went well, but nothing is marked to be started.",
+                     self.update.version);
         update_ended(&self.update, now_us);
     }
     service_show(&self);
@@ -294,7 +294,7 @@ static void judge_offer(bool unattended, char answer[UPDATE_SENTENCE_SIZE])
     }
 }
 
-static void cancel(char answer[UPDATE_SENTENCE_SIZE])
+static void call_off(char answer[UPDATE_SENTENCE_SIZE])
 {
     if (!update_cancel(&self.update)) {
         snprintf(answer, UPDATE_SENTENCE_SIZE,
@@ -434,7 +434,7 @@ static bool find_environment(void)
     return result == 0;
 }
 
-static bool start(bool first, int64_t now_us)
+static bool start_service(bool first, int64_t now_us)
 {
     char line[16];
 
@@ -468,7 +468,7 @@ static void on_signal(void *context, uint32_t events, int64_t now_us)
     loop_stop();
 }
 
-static int serve(void)
+static int look_after_updates(void)
 {
     static const struct update_installer_calls calls = {.begins = on_begins,
                                                         .source = on_source,
@@ -476,7 +476,7 @@ static int serve(void)
                                                         .ends = on_ends,
                                                         .lost = on_lost};
     static const struct update_gate_calls gate = {
-        .known = is_known, .judge = judge_offer, .cancel = cancel};
+        .known = is_known, .judge = judge_offer, .cancel = call_off};
     bool first = access(STATE "/" UPDATE_STATE_FILE, F_OK) < 0; /* since power-on */
     int result = loop_init();
 
@@ -488,7 +488,7 @@ static int serve(void)
         log_error("can't begin: %s", strerror(-result));
         return EXIT_FAILURE;
     }
-    if (!start(first, loop_now_us())) {
+    if (!start_service(first, loop_now_us())) {
         return EXIT_FAILURE;
     }
     loop_timer_init(&self.tick, on_tick, NULL);
@@ -514,5 +514,5 @@ int main(int argc, char *argv[])
               stderr);
         return 2;
     }
-    return serve();
+    return look_after_updates();
 }

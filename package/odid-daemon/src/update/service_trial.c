@@ -18,7 +18,7 @@
 
 /* ---- how the board is, and was ---- */
 
-static struct json_object *ask(struct service *self, struct update_board *board)
+static struct json_object *ask_daemon(struct service *self, struct update_board *board)
 {
     int error = 0;
     struct json_object *status = status_fetch(RUN_DIR, &error);
@@ -116,7 +116,7 @@ static void ask_no_more_for_what_was_switched_off(struct service *self, struct j
 
 void service_look(struct service *self, struct update_board *board, int64_t now_us)
 {
-    struct json_object *status = ask(self, board);
+    struct json_object *status = ask_daemon(self, board);
 
     if (self->update.state == UPDATE_TRIAL) {
         struct update_services services;
@@ -142,7 +142,7 @@ void service_look(struct service *self, struct update_board *board, int64_t now_
 void service_begin_record(struct service *self)
 {
     struct update_board board;
-    struct json_object *status = ask(self, &board);
+    struct json_object *status = ask_daemon(self, &board);
 
     memset(&self->record, 0, sizeof(self->record));
     self->record.slot = self->other;
@@ -238,7 +238,7 @@ void service_restart_board(struct service *self)
                          whole_file_replace(MAINTENANCE_AGAIN, "", 0, 0644));
     }
     sync(); /* which takes its time: nobody may have armed meanwhile */
-    json_object_put(ask(self, &board));
+    json_object_put(ask_daemon(self, &board));
     if (board.armed) {
         unlink(MAINTENANCE_AGAIN); /* else it would open at some later power-on */
         log_info("update: the aircraft is armed: the restart waits");

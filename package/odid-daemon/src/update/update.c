@@ -189,8 +189,8 @@ void update_explain_fallback(const char *reason, const char *fallback, char *out
     }
 }
 
-static enum update_wish judge(struct update *update, const struct update_board *board,
-                              int64_t passed_us)
+static enum update_wish judge_trial(struct update *update, const struct update_board *board,
+                                    int64_t passed_us)
 {
     if (board->armed) {
         return UPDATE_NOTHING; /* its time stands still */
@@ -239,7 +239,7 @@ enum update_wish update_tick(struct update *update, const struct update_board *b
     case UPDATE_WAITING:
         return wait(update, board, passed_us);
     case UPDATE_TRIAL:
-        return judge(update, board, passed_us);
+        return judge_trial(update, board, passed_us);
     default:
         return UPDATE_NOTHING;
     }

@@ -15,7 +15,7 @@
 #define PATH_SIZE 300
 #define RECORD_MAX 8192
 
-static void add(struct json_object *object, const char *name, struct json_object *value)
+static void add_field(struct json_object *object, const char *name, struct json_object *value)
 {
     json_object_object_add(object, name, value);
 }
@@ -35,7 +35,7 @@ static struct json_object *number(int value)
 }
 
 /* Puts the object back. */
-static int replace(const char *directory, const char *name, struct json_object *object)
+static int replace_json(const char *directory, const char *name, struct json_object *object)
 {
     char path[PATH_SIZE], line[RECORD_MAX];
     int length;
@@ -51,11 +51,11 @@ int update_write_state(const char *directory, const struct update *update)
 {
     struct json_object *object = json_object_new_object();
 
-    add(object, "state", text(update_state_name(update->state)));
-    add(object, "percent", number(update->percent));
-    add(object, "seconds_left", number(update->seconds_left));
-    add(object, "sentence", text(update->sentence));
-    return replace(directory, UPDATE_STATE_FILE, object);
+    add_field(object, "state", text(update_state_name(update->state)));
+    add_field(object, "percent", number(update->percent));
+    add_field(object, "seconds_left", number(update->seconds_left));
+    add_field(object, "sentence", text(update->sentence));
+    return replace_json(directory, UPDATE_STATE_FILE, object);
 }
 
 static int remove_durably(const char *data, const char *name)
@@ -101,13 +101,13 @@ int update_write_result(const char *data, const struct update_result *result, ti
     if (time != 0 && gmtime_r(&time, &utc) != NULL) {
         strftime(when, sizeof(when), "%Y-%m-%dT%H:%M:%SZ", &utc);
     }
-    add(object, "time", text(when));
-    add(object, "from", text(result->from));
-    add(object, "to", text(result->to));
-    add(object, "outcome", text(outcomes[result->outcome]));
-    add(object, "sentence", text(result->sentence));
-    add(object, "from_server", json_object_new_boolean(result->from_server));
-    written = replace(data, UPDATE_RESULT_FILE, object);
+    add_field(object, "time", text(when));
+    add_field(object, "from", text(result->from));
+    add_field(object, "to", text(result->to));
+    add_field(object, "outcome", text(outcomes[result->outcome]));
+    add_field(object, "sentence", text(result->sentence));
+    add_field(object, "from_server", json_object_new_boolean(result->from_server));
+    written = replace_json(data, UPDATE_RESULT_FILE, object);
     return written < 0 ? written : remembered;
 }
 
@@ -146,20 +146,20 @@ int update_write_record(const char *data, const struct update_record *record)
     struct json_object *object = json_object_new_object(), *services = json_object_new_array();
     char slot[2] = {record->slot, '\0'};
 
-    add(object, "slot", text(slot));
-    add(object, "from", text(record->from));
-    add(object, "to", text(record->to));
-    add(object, "from_server", json_object_new_boolean(record->from_server));
-    add(object, "unattended", json_object_new_boolean(record->unattended));
-    add(object, "channels", number(record->channels_known ? (int)record->channels : -1));
+    add_field(object, "slot", text(slot));
+    add_field(object, "from", text(record->from));
+    add_field(object, "to", text(record->to));
+    add_field(object, "from_server", json_object_new_boolean(record->from_server));
+    add_field(object, "unattended", json_object_new_boolean(record->unattended));
+    add_field(object, "channels", number(record->channels_known ? (int)record->channels : -1));
     for (unsigned i = 0; i < record->services.count; i++) {
         if (record->services.service[i].pid != 0) {
             json_object_array_add(services, text(record->services.service[i].name));
         }
     }
-    add(object, "services", services);
-    add(object, "configuration", text(record->configuration));
-    return replace(data, UPDATE_RECORD_FILE, object);
+    add_field(object, "services", services);
+    add_field(object, "configuration", text(record->configuration));
+    return replace_json(data, UPDATE_RECORD_FILE, object);
 }
 
 static void take_text(struct json_object *object, const char *name, char *out, size_t size)

@@ -114,7 +114,7 @@ void update_installer_explain(const char *complaint, const char *hardware, char 
 
 /* ---- what it says ---- */
 
-static void begin(int64_t now_us)
+static void begin_install(int64_t now_us)
 {
     if (!self.in_history) {
         self.calls->begins(now_us);
@@ -161,7 +161,7 @@ static int read_progress(int64_t now_us)
     return 0;
 }
 
-static void end(int64_t now_us)
+static void end_install(int64_t now_us)
 {
     self.running = false;
     if (!self.in_history) {
@@ -200,7 +200,7 @@ static void take_notice(const ipc_message *message, int64_t now_us)
         self.running = true;
         self.succeeded = false;
         self.complaint[0] = '\0';
-        begin(now_us);
+        begin_install(now_us);
         break;
     case SUCCESS:
         self.succeeded = true;
@@ -220,7 +220,7 @@ static void take_notice(const ipc_message *message, int64_t now_us)
         /* By the other socket it has said before whose it was. */
         read_all_progress(now_us);
         if (self.running) {
-            end(now_us);
+            end_install(now_us);
         }
         break;
     default:
@@ -228,7 +228,7 @@ static void take_notice(const ipc_message *message, int64_t now_us)
     }
 }
 
-static void lose(int64_t now_us)
+static void lose_installer(int64_t now_us)
 {
     struct loop_watch *const watches[] = {&self.notices, &self.progress};
     bool installing = self.running && !self.in_history;
@@ -245,7 +245,7 @@ static void lose(int64_t now_us)
     if (self.running) {
         self.succeeded = false;
         snprintf(self.complaint, sizeof(self.complaint), "SWUpdate ended");
-        end(now_us);
+        end_install(now_us);
     }
     self.calls->lost(installing, now_us);
     self.in_history = false;
@@ -262,7 +262,7 @@ static void on_notice(void *context, uint32_t events, int64_t now_us)
     if (read(self.notices.fd, &message, sizeof(message)) == (ssize_t)sizeof(message)) {
         take_notice(&message, now_us);
     } else {
-        lose(now_us);
+        lose_installer(now_us);
     }
 }
 
@@ -273,7 +273,7 @@ static void on_progress(void *context, uint32_t events, int64_t now_us)
     int result = read_progress(now_us);
 
     if (result < 0 && result != -EAGAIN) {
-        lose(now_us);
+        lose_installer(now_us);
     }
 }
 
@@ -284,7 +284,7 @@ static void on_history_told(void *context, int64_t now_us)
     (void)context;
     self.in_history = false;
     if (self.running) { /* an install is going on: we came late */
-        begin(now_us);
+        begin_install(now_us);
     }
 }
 

@@ -84,7 +84,7 @@ static int open_listener(void)
  * Whoever takes this half over by its HTTP starts no program and no process,
  * and reaches nothing over a network: neither is ever needed here.
  */
-static int enter_filter(void)
+static int enter_http_filter(void)
 {
     static const int forbidden[] = {
         SCMP_SYS(execve), SCMP_SYS(execveat), SCMP_SYS(fork),   SCMP_SYS(vfork), SCMP_SYS(clone),
@@ -139,7 +139,7 @@ static bool give_rights_away(pid_t parent)
     if (prctl(PR_SET_PDEATHSIG, SIGKILL) < 0 || getppid() != parent) {
         return false;
     }
-    result = enter_filter();
+    result = enter_http_filter();
     if (result < 0) {
         log_error("can't enter the system-call filter: %s", strerror(-result));
         return false;
@@ -148,7 +148,7 @@ static bool give_rights_away(pid_t parent)
 }
 
 /* Never returns. */
-static void serve(pid_t parent)
+static void serve_http(pid_t parent)
 {
     if (!give_rights_away(parent)) {
         _exit(EXIT_FAILURE);
@@ -159,7 +159,7 @@ static void serve(pid_t parent)
 
 /* ---- start ---- */
 
-static int run(void)
+static int run_halves(void)
 {
     int ends[2], status = 0;
     pid_t parent = getpid(), child;
@@ -182,7 +182,7 @@ static int run(void)
     if (child == 0) {
         close(ends[0]);
         self.server.helper = ends[1];
-        serve(parent);
+        serve_http(parent);
     }
     close(ends[1]);
     close(self.server.listener);
@@ -226,5 +226,5 @@ int main(int argc, char *argv[])
         return 2;
     }
     places_under(&self.places, self.root);
-    return run();
+    return run_halves();
 }

@@ -68,7 +68,7 @@ static int descriptor_of(struct msghdr *message)
 }
 
 /* NULL: root's half is gone, and we will be soon. fd: what came with the answer, or -1. */
-static struct answer *ask(int helper, struct order *order, int *fd)
+static struct answer *ask_helper(int helper, struct order *order, int *fd)
 {
     struct iovec whole = {.iov_base = &answer_here, .iov_len = sizeof(answer_here)};
     union attached attached;
@@ -113,14 +113,14 @@ void web_helper_login(int helper, enum web_network network, const char *password
 
     order.network = network;
     snprintf(order.text, sizeof(order.text), "%s", password);
-    answer = ask(helper, &order, NULL);
+    answer = ask_helper(helper, &order, NULL);
     *login = answer != NULL ? answer->login : (struct web_login){.verdict = WEB_NO_HELPER};
 }
 
 bool web_helper_known(int helper, const char token[WEB_TOKEN_SIZE])
 {
     struct order order = order_of(ORDER_KNOWN, token);
-    const struct answer *answer = ask(helper, &order, NULL);
+    const struct answer *answer = ask_helper(helper, &order, NULL);
 
     return answer != NULL && answer->done;
 }
@@ -129,7 +129,7 @@ void web_helper_leave(int helper, const char token[WEB_TOKEN_SIZE])
 {
     struct order order = order_of(ORDER_LEAVE, token);
 
-    ask(helper, &order, NULL);
+    ask_helper(helper, &order, NULL);
 }
 
 bool web_helper_set(int helper, const char token[WEB_TOKEN_SIZE], enum web_setting setting,
@@ -140,7 +140,7 @@ bool web_helper_set(int helper, const char token[WEB_TOKEN_SIZE], enum web_setti
 
     order.setting = setting;
     snprintf(order.text, sizeof(order.text), "%s", value);
-    answer = ask(helper, &order, NULL);
+    answer = ask_helper(helper, &order, NULL);
     snprintf(said, WEB_SAID_SIZE, "%s",
              answer != NULL ? answer->said : "The page's service is ending; nothing was changed.");
     return answer != NULL && answer->done;
@@ -149,7 +149,7 @@ bool web_helper_set(int helper, const char token[WEB_TOKEN_SIZE], enum web_setti
 bool web_helper_cancel(int helper, const char token[WEB_TOKEN_SIZE], char *sentence, size_t size)
 {
     struct order order = order_of(ORDER_CANCEL, token);
-    const struct answer *answer = ask(helper, &order, NULL);
+    const struct answer *answer = ask_helper(helper, &order, NULL);
 
     snprintf(sentence, size, "%s",
              answer != NULL ? answer->said : "The page's service is ending; nothing was changed.");
@@ -160,7 +160,7 @@ int web_helper_update(int helper, const char token[WEB_TOKEN_SIZE], char *senten
 {
     struct order order = order_of(ORDER_UPDATE, token);
     int fd = -1;
-    const struct answer *answer = ask(helper, &order, &fd);
+    const struct answer *answer = ask_helper(helper, &order, &fd);
 
     snprintf(sentence, size, "%s",
              answer != NULL ? answer->said : "The page's service is ending; nothing was sent.");
@@ -299,7 +299,7 @@ static int update(struct answer *answer)
     return web_upload_open(self.places->swupdate, answer->said, sizeof(answer->said));
 }
 
-static void cancel(struct answer *answer)
+static void cancel_update(struct answer *answer)
 {
     char why[UPDATE_SENTENCE_SIZE];
 
@@ -334,7 +334,7 @@ static int obey(struct order *order, struct answer *answer)
     } else if (order->what == ORDER_UPDATE) {
         return update(answer);
     } else if (order->what == ORDER_CANCEL) {
-        cancel(answer);
+        cancel_update(answer);
     }
     return -1;
 }

@@ -15,7 +15,7 @@ static struct {
     unsigned count;
 } self;
 
-static struct place *find(int fd)
+static struct place *find_place(int fd)
 {
     for (unsigned i = 0; i < self.count; i++) {
         if (self.places[i].fd == fd) {
@@ -30,7 +30,7 @@ static bool is_strange(const struct place *place)
     return !place->known && !place->ended;
 }
 
-static void end(struct place *place)
+static void end_place(struct place *place)
 {
     shutdown(place->fd, SHUT_RDWR);
     place->ended = true;
@@ -48,7 +48,7 @@ static void end_oldest_stranger(void)
         }
     }
     if (strangers >= WEB_STRANGERS_MAX) {
-        end(oldest);
+        end_place(oldest);
     }
 }
 
@@ -64,7 +64,7 @@ void web_places_come(int fd, int64_t now_us)
 
 void web_places_know(int fd, bool known)
 {
-    struct place *place = find(fd);
+    struct place *place = find_place(fd);
 
     if (place == NULL || place->known == known) {
         return;
@@ -77,7 +77,7 @@ void web_places_know(int fd, bool known)
 
 void web_places_answered(int fd, int64_t now_us)
 {
-    struct place *place = find(fd);
+    struct place *place = find_place(fd);
 
     if (place != NULL) {
         place->since_us = now_us;
@@ -86,7 +86,7 @@ void web_places_answered(int fd, int64_t now_us)
 
 void web_places_go(int fd)
 {
-    struct place *place = find(fd);
+    struct place *place = find_place(fd);
 
     if (place != NULL) {
         self.count--;
@@ -105,7 +105,7 @@ int64_t web_places_expire(int64_t now_us)
         int64_t end_us = place->since_us + WEB_STRANGER_US;
 
         if (is_strange(place) && now_us >= end_us) {
-            end(place);
+            end_place(place);
         } else if (is_strange(place) && end_us < next_us) {
             next_us = end_us;
         }

@@ -160,7 +160,7 @@ static struct json_object *read_object(const char *body, size_t length)
  * Takes a text that fits, without control characters or zeros within, and
  * clears the library's copy: it may be a secret.
  */
-static bool read_text(struct json_object *field, char *out, size_t size)
+static bool read_string(struct json_object *field, char *out, size_t size)
 {
     bool is_text = json_object_is_type(field, json_type_string), good;
     char *text = is_text ? (char *)json_object_get_string(field) : NULL;
@@ -181,7 +181,7 @@ bool web_read_password(const char *body, size_t length, char password[CONFIG_PAS
 {
     struct json_object *object = read_object(body, length);
     bool good =
-        read_text(json_object_object_get(object, "password"), password, CONFIG_PASSWORD_MAX + 1);
+        read_string(json_object_object_get(object, "password"), password, CONFIG_PASSWORD_MAX + 1);
 
     json_object_put(object);
     return good;
@@ -195,12 +195,12 @@ bool web_read_settings(const char *body, size_t length, struct web_settings *set
     memset(settings, 0, sizeof(*settings));
     settings->operator_given = json_object_object_get_ex(object, "operator", &field);
     if (settings->operator_given) {
-        good =
-            good && read_text(field, settings->operator_number, sizeof(settings->operator_number));
+        good = good &&
+               read_string(field, settings->operator_number, sizeof(settings->operator_number));
     }
     settings->serial_given = json_object_object_get_ex(object, "serial", &field);
     if (settings->serial_given) {
-        good = good && read_text(field, settings->serial, sizeof(settings->serial));
+        good = good && read_string(field, settings->serial, sizeof(settings->serial));
     }
     json_object_put(object);
     return good && (settings->operator_given || settings->serial_given);

@@ -118,7 +118,7 @@ static enum MHD_Result logout(struct request *request)
     return web_give_cookie(request->connection, "", "; Max-Age=0");
 }
 
-static enum MHD_Result cancel(struct request *request)
+static enum MHD_Result cancel_update(struct request *request)
 {
     char token[WEB_TOKEN_SIZE], sentence[SENTENCE_SIZE];
     bool done = token_of(request->connection, token) &&
@@ -213,7 +213,7 @@ static enum MHD_Result page_file(struct request *request)
 
 /* ---- the bundle ---- */
 
-static void refuse(struct request *request, unsigned code, const char *sentence)
+static void refuse_request(struct request *request, unsigned code, const char *sentence)
 {
     request->code = code;
     snprintf(request->sentence, sizeof(request->sentence), "%s", sentence);
@@ -224,13 +224,13 @@ static void begin_upload(struct request *request)
     char sentence[SENTENCE_SIZE];
 
     if (self.uploading != NULL) {
-        refuse(request, MHD_HTTP_CONFLICT, "Another file is being sent already.");
+        refuse_request(request, MHD_HTTP_CONFLICT, "Another file is being sent already.");
         return;
     }
     request->updater =
         web_helper_update(self.server->helper, request->token, sentence, sizeof(sentence));
     if (request->updater < 0) {
-        refuse(request, MHD_HTTP_CONFLICT, sentence);
+        refuse_request(request, MHD_HTTP_CONFLICT, sentence);
         return;
     }
     self.uploading = request;
@@ -249,7 +249,7 @@ static void close_upload(struct request *request)
 static void stop_upload(struct request *request, unsigned code, const char *sentence)
 {
     close_upload(request);
-    refuse(request, code, sentence);
+    refuse_request(request, code, sentence);
 }
 
 /*
@@ -306,7 +306,7 @@ static bool is_known(struct request *request)
 }
 
 /* Judges a request by its head, before its body was read. */
-static void judge(struct request *request)
+static void judge_head(struct request *request)
 {
     struct MHD_Connection *connection = request->connection;
     enum web_route route = request->target.route;
@@ -319,20 +319,20 @@ static void judge(struct request *request)
     const char *refusal = web_refusal(&head, route);
 
     if (refusal != NULL) {
-        refuse(request, MHD_HTTP_FORBIDDEN, refusal);
+        refuse_request(request, MHD_HTTP_FORBIDDEN, refusal);
     } else if (route == WEB_NOWHERE) {
-        refuse(request, MHD_HTTP_NOT_FOUND, "There is nothing of that name here.");
+        refuse_request(request, MHD_HTTP_NOT_FOUND, "There is nothing of that name here.");
     } else if (route == WEB_WRONG_METHOD) {
-        refuse(request, MHD_HTTP_METHOD_NOT_ALLOWED, "That can't be done with this.");
+        refuse_request(request, MHD_HTTP_METHOD_NOT_ALLOWED, "That can't be done with this.");
     } else if (route != WEB_FILE && route != WEB_LOGIN && route != WEB_LOGOUT && !known) {
-        refuse(request, MHD_HTTP_UNAUTHORIZED, "Give the maintenance password first.");
+        refuse_request(request, MHD_HTTP_UNAUTHORIZED, "Give the maintenance password first.");
     } else if (route == WEB_UPLOAD) {
         begin_upload(request);
     }
 }
 
-static enum MHD_Result begin(struct MHD_Connection *connection, const char *path,
-                             const char *method, void **context)
+static enum MHD_Result begin_request(struct MHD_Connection *connection, const char *path,
+                                     const char *method, void **context)
 {
     struct request *request = calloc(1, sizeof(*request));
 
@@ -343,7 +343,7 @@ static enum MHD_Result begin(struct MHD_Connection *connection, const char *path
     request->connection = connection;
     request->updater = -1;
     request->target = web_target(method, path);
-    judge(request);
+    judge_head(request);
     return MHD_YES;
 }
 
@@ -362,7 +362,7 @@ static void take_body(struct request *request, const char *data, size_t *length)
     *length = 0;
 }
 
-static enum MHD_Result answer(struct request *request)
+static enum MHD_Result answer_request(struct request *request)
 {
     if (request->code != 0) {
         return web_give_sentence(request->connection, request->code, request->sentence);
@@ -385,7 +385,7 @@ static enum MHD_Result answer(struct request *request)
     case WEB_UPLOAD:
         return end_upload(request);
     case WEB_CANCEL:
-        return cancel(request);
+        return cancel_update(request);
     case WEB_FLIGHTS:
         return flights(request);
     case WEB_FLIGHT:
@@ -405,13 +405,13 @@ static enum MHD_Result on_request(void *closure, struct MHD_Connection *connecti
     (void)closure;
     (void)version;
     if (request == NULL) {
-        return begin(connection, path, method, context);
+        return begin_request(connection, path, method, context);
     }
     if (*length > 0) {
         take_body(request, data, length);
         return MHD_YES;
     }
-    return answer(request);
+    return answer_request(request);
 }
 
 /* Also of a connection that was cut: SWUpdate then sees the bundle's end too early. */

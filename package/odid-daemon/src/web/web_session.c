@@ -30,7 +30,7 @@ static bool same(const char a[WEB_TOKEN_SIZE], const char b[WEB_TOKEN_SIZE])
 }
 
 /* Index of the session, or WEB_SESSIONS_MAX. */
-static size_t find(const struct web_sessions *sessions, const char token[WEB_TOKEN_SIZE])
+static size_t find_session(const struct web_sessions *sessions, const char token[WEB_TOKEN_SIZE])
 {
     size_t found = WEB_SESSIONS_MAX;
 
@@ -68,7 +68,7 @@ void web_sessions_begin(struct web_sessions *sessions, enum web_network network,
 bool web_sessions_known(struct web_sessions *sessions, const char token[WEB_TOKEN_SIZE],
                         int64_t now_us)
 {
-    size_t i = find(sessions, token);
+    size_t i = find_session(sessions, token);
 
     if (i == WEB_SESSIONS_MAX) {
         return false;
@@ -88,7 +88,7 @@ void web_sessions_end_all(struct web_sessions *sessions)
 
 void web_sessions_end(struct web_sessions *sessions, const char token[WEB_TOKEN_SIZE])
 {
-    size_t i = find(sessions, token);
+    size_t i = find_session(sessions, token);
 
     if (i < WEB_SESSIONS_MAX) {
         memset(&sessions->one[i], 0, sizeof(sessions->one[i]));

@@ -111,7 +111,7 @@ static void serve_until(int64_t second, const struct said *autopilot)
     clock_s = NOW;
     end_s = second;
     saves = 0;
-    assert_int_equal(serve(), EXIT_SUCCESS);
+    assert_int_equal(follow_autopilot(), EXIT_SUCCESS);
 }
 
 static void without_an_autopilot_it_is_saved_every_ten_minutes_and_at_the_end(void **state)

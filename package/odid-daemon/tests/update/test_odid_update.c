@@ -223,7 +223,7 @@ static void put(const char *path, const char *text)
 static void begin(bool first)
 {
     memset(&self, 0, sizeof(self));
-    assert_true(start(first, now_us));
+    assert_true(start_service(first, now_us));
     update_hawkbit_begin(nothing_goes_on, end_installer, now_us);
 }
 
@@ -456,7 +456,7 @@ static void one_that_began_in_a_trial_is_watched_when_that_is_over(void **state)
         assert_int_equal(self.update.state, UPDATE_CHECKING);
         put(HAWKBIT, "-u https://updates.example.org\n");
         if (called_off) {
-            cancel(answer);
+            call_off(answer);
             assert_string_equal(answer, "");
         } else {
             pass(31);
@@ -529,7 +529,7 @@ static void one_that_is_called_off_before_the_gate_is_not_begun_again(void **sta
     put(HAWKBIT, "-u https://updates.example.org\n");
     on_begins(now_us);
     on_source(UPDATE_SOURCE_SERVER);
-    cancel(answer);
+    call_off(answer);
     assert_int_equal(access(HAWKBIT_PAUSE, F_OK), 0);
 }
 
@@ -545,7 +545,7 @@ static void for_a_technician_s_file_no_server_is_left_alone(void **state)
     assert_true(self.update.slow);
     on_ends("SWUpdate ended", now_us);
     written();
-    cancel(answer);
+    call_off(answer);
     on_ends("SWUpdate ended", now_us);
     written();
     on_ends("HASH mismatch", now_us);
@@ -640,7 +640,7 @@ static void an_end_of_swupdate_that_somebody_meant_says_nothing_of_its_server(vo
         swupdate_ends(false);
     }
     written();
-    cancel(answer);
+    call_off(answer);
     swupdate_ends(true);
     assert_int_equal(access(HAWKBIT_PAUSE, F_OK), -1);
     written();
@@ -907,7 +907,7 @@ static void what_was_called_off_is_not_started(void **state)
     (void)state;
     slot_a_runs_1_0_0();
     written();
-    cancel(answer);
+    call_off(answer);
     assert_string_equal(answer, "");
     assert_int_equal(board.ended, 1); /* at once */
     mark();
@@ -925,7 +925,7 @@ static void what_was_called_off_before_the_gate_is_not_written(void **state)
     (void)state;
     slot_a_runs_1_0_0();
     on_begins(now_us);
-    cancel(answer);
+    call_off(answer);
     assert_string_equal(answer, "");
     judge_offer(false, answer);
     assert_non_null(strstr(answer, "called off"));

@@ -27,7 +27,7 @@ static int get_out(void)
     int signal = 0;
 
     if (prctl(PR_SET_PDEATHSIG, SIGKILL) < 0 || prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) < 0 ||
-        enter_filter() < 0) {
+        enter_http_filter() < 0) {
         return 1;
     }
     for (unsigned long bits = 0; bits <= above; bits += above) {
