@@ -3,6 +3,11 @@
 #include <math.h>
 #include <stdio.h>
 
+double duration_s(int64_t us)
+{
+    return (double)us * 1e-6;
+}
+
 void duration_text(char *out, size_t size, double seconds)
 {
     if (isnan(seconds)) {

@@ -131,6 +131,9 @@ unsigned config_keep_appliance(struct config *config, config_report_fn *report, 
  * FINGERPRINT_OF_NOTHING before the first one. */
 void config_add_sentence(void *context, enum config_severity severity, const char *sentence);
 
+/* One that leaves it to others to say what is wrong. */
+void config_ignore_sentence(void *context, enum config_severity severity, const char *sentence);
+
 /*
  * What a file has for odid-daemon, as a number: another one where a value of its sections is, or
  * what there is to say of the file or of the whole; whatever else it has for the appliance's other

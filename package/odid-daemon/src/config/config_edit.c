@@ -10,20 +10,13 @@
 
 #define VALUE_SIZE 256 /* a line is no longer */
 
-static void say_nothing(void *context, enum config_severity severity, const char *sentence)
-{
-    (void)context;
-    (void)severity;
-    (void)sentence;
-}
-
 /* Reads a text only for its places. */
 static void walk(const char *text, size_t length, config_place_fn *place, void *context)
 {
     struct config ignored;
 
     config_defaults(&ignored);
-    config_parse_places(&ignored, "", text, length, say_nothing, place, context);
+    config_parse_places(&ignored, "", text, length, config_ignore_sentence, place, context);
     explicit_bzero(&ignored, sizeof(ignored));
 }
 

@@ -9,11 +9,6 @@
 
 /* ---- what follows from a record ---- */
 
-static double seconds(int64_t us)
-{
-    return (double)us * 1e-6;
-}
-
 bool flight_required(const struct recorder_flight *record, enum channel channel)
 {
     const struct recorder_channel_totals *totals = &record->totals.channels[channel];
@@ -93,7 +88,7 @@ static void append_channels(char sentence[FLIGHT_SENTENCE_SIZE],
         if (!without_gap && flight_silent_us(record, channel) >= record->totals.armed_us) {
             append(sentence, " never");
         } else if (!without_gap) {
-            duration_text(longest, sizeof(longest), seconds(flight_longest_us(record, channel)));
+            duration_text(longest, sizeof(longest), duration_s(flight_longest_us(record, channel)));
             append(sentence, " %.1f %%, longest gap %s", flight_share(record, channel), longest);
         }
     }
@@ -115,7 +110,7 @@ static void append_lacks(char sentence[FLIGHT_SENTENCE_SIZE], const struct recor
         int64_t lacked_us = record->totals.fault_us[lacks[i].kind];
 
         if (lacked_us > 0) {
-            duration_text(lasted, sizeof(lasted), seconds(lacked_us));
+            duration_text(lasted, sizeof(lasted), duration_s(lacked_us));
             append(sentence, ", %s for %s", lacks[i].words, lasted);
         }
     }
@@ -128,7 +123,7 @@ static void append_unwatched(char sentence[FLIGHT_SENTENCE_SIZE],
     char lasted[32];
 
     if (record->totals.unwatched_us > 0) {
-        duration_text(lasted, sizeof(lasted), seconds(record->totals.unwatched_us));
+        duration_text(lasted, sizeof(lasted), duration_s(record->totals.unwatched_us));
         append(sentence, ", unwatched for %s", lasted);
     }
 }
@@ -151,7 +146,7 @@ static void append_untold(char sentence[FLIGHT_SENTENCE_SIZE], const char *befor
 {
     char lasted[32];
 
-    duration_text(lasted, sizeof(lasted), seconds(untold_us));
+    duration_text(lasted, sizeof(lasted), duration_s(untold_us));
     append(sentence, "%snobody said for %s whether it was armed", before, lasted);
 }
 

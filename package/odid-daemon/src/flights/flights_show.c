@@ -21,11 +21,6 @@ static char text[RECORDER_TEXT_MAX];
 
 /* ---- times ---- */
 
-static double seconds(int64_t us)
-{
-    return (double)us * 1e-6;
-}
-
 /* Power-on in UTC: "2026-01-02T03:04:05Z", or to the minute; "clock unknown". */
 static void format_start(char out[WHEN_SIZE], const struct recorder_flight *record, bool precise)
 {
@@ -49,7 +44,7 @@ static void format_span(char out[CELL_SIZE], int64_t us)
     } else if (us == 0) {
         snprintf(out, CELL_SIZE, "-");
     } else {
-        duration_text(out, CELL_SIZE, seconds(us));
+        duration_text(out, CELL_SIZE, duration_s(us));
     }
 }
 
@@ -65,7 +60,7 @@ static void format_channel(char out[CELL_SIZE], const struct recorder_flight *re
     } else if (flight_silent_us(record, channel) == 0) {
         snprintf(out, CELL_SIZE, "100 %%");
     } else {
-        duration_text(longest, sizeof(longest), seconds(flight_longest_us(record, channel)));
+        duration_text(longest, sizeof(longest), duration_s(flight_longest_us(record, channel)));
         snprintf(out, CELL_SIZE, "%.1f %% %.14s", flight_share(record, channel), longest);
     }
 }
@@ -118,7 +113,7 @@ static void describe(char *sentence, size_t size, const char *event, struct json
     const char *channel = recorder_json_text(line, "channel", "");
     char lasted[32];
 
-    duration_text(lasted, sizeof(lasted), seconds(recorder_json_us(line, "seconds", 0)));
+    duration_text(lasted, sizeof(lasted), duration_s(recorder_json_us(line, "seconds", 0)));
     for (enum channel i = 0; i < CHANNELS; i++) {
         channel = strcmp(channel, channel_name(i)) == 0 ? channel_title(i) : channel;
     }
@@ -166,7 +161,7 @@ static void print_event(FILE *out, int64_t at_us, struct json_object *line)
     }
     describe(sentence, sizeof(sentence), event, line);
     utf8_clean(shown, sizeof(shown), sentence);
-    fprintf(out, "  %8.1f s  %s\n", seconds(at_us), shown);
+    fprintf(out, "  %8.1f s  %s\n", duration_s(at_us), shown);
 }
 
 /* Totals are shown above the list. */
@@ -230,7 +225,7 @@ static void print_detail_channel(FILE *out, const struct recorder_flight *record
     if (record->totals.armed_us > 0 && gaps == 0) {
         fprintf(out, "; armed, without a gap");
     } else if (record->totals.armed_us > 0) {
-        duration_text(longest, sizeof(longest), seconds(flight_longest_us(record, channel)));
+        duration_text(longest, sizeof(longest), duration_s(flight_longest_us(record, channel)));
         fprintf(out, "; %.1f %% of the armed time, %u gap%s, the longest %s%s",
                 flight_share(record, channel), gaps, gaps == 1 ? "" : "s", longest,
                 record->open_gap_us[channel] > 0 ? ", one unfinished" : "");
@@ -262,7 +257,7 @@ static void print_summary(FILE *out, const struct flight *flight)
     format_start(when, record, true);
     format_span(lasted, record->last_us);
     fprintf(out, "  %-12s %s, recorded from %.1f s after it\n", "Power-on", when,
-            seconds(record->start_us));
+            duration_s(record->start_us));
     fprintf(out, "  %-12s %s, ", "Lasted", lasted);
     print_armed(out, &record->totals);
     fprintf(out, "  %-12s odid-daemon %s, image %s\n", "Software", record->version, record->image);
@@ -302,7 +297,7 @@ static void add_seconds(struct json_object *parent, const char *name, int64_t us
     struct json_object *number = NULL;
 
     if (us != INT64_MIN) {
-        number = json_object_new_double(seconds(us));
+        number = json_object_new_double(duration_s(us));
         json_object_set_serializer(number, json_object_double_to_json_string, "%.2f", NULL);
     }
     json_object_object_add(parent, name, number);

@@ -3,13 +3,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-static void ignore(void *context, enum config_severity severity, const char *sentence)
-{
-    (void)context;
-    (void)severity;
-    (void)sentence;
-}
-
 static const char *environment(const char *name)
 {
     return getenv(name);
@@ -45,10 +38,10 @@ void keeper_config_read(struct config *config, char *const command[])
         appliance = appliance || strcmp(name, "appliance") == 0;
     }
     config_defaults(config);
-    config_read_file(config, file, ignore, NULL);
-    config_read_environment(config, environment, ignore, NULL);
+    config_read_file(config, file, config_ignore_sentence, NULL);
+    config_read_environment(config, environment, config_ignore_sentence, NULL);
     if (appliance) {
-        config_keep_appliance(config, ignore, NULL);
+        config_keep_appliance(config, config_ignore_sentence, NULL);
     }
     config->wifi_beacon_enabled = config->wifi_beacon_enabled && !no_wifi;
     config->bt4_enabled = config->bt4_enabled && !no_bt;

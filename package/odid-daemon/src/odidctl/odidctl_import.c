@@ -126,18 +126,11 @@ static char *read_named(struct import *self, size_t *length)
 
 /* ---- odid.conf ---- */
 
-static void say_nothing(void *context, enum config_severity severity, const char *sentence)
-{
-    (void)context;
-    (void)severity;
-    (void)sentence;
-}
-
 /* What is in force now: the defaults when there is nothing that can be read. */
 static void read_in_force(const struct places *places, struct config *config)
 {
     config_defaults(config);
-    config_read_file(config, places->config, say_nothing, NULL);
+    config_read_file(config, places->config, config_ignore_sentence, NULL);
 }
 
 /* What other computers do to a text and is no fault; said so that nobody goes looking for one. */
@@ -239,7 +232,7 @@ static bool import_text(struct import *self, const char *path, char *text, size_
         take_password(self, path, text, blanked, length, password);
     }
     config_defaults(&config);
-    config_parse(&config, self->name, blanked, length, say_nothing, NULL);
+    config_parse(&config, self->name, blanked, length, config_ignore_sentence, NULL);
     config_keep_appliance(&config, on_sentence, self);
     snprintf(config.maintenance_password, sizeof(config.maintenance_password), "%s", password);
     config_judge(&config, on_sentence, self);

@@ -6,6 +6,8 @@
 #include <string.h>
 #include <time.h>
 
+#include "base/duration.h"
+
 /* Ages are told in hundredths of a second. */
 #define ROUNDING_US 20000
 /* A daemon that started so much later is another one. */
@@ -30,11 +32,6 @@ bool recorder_armed(const struct recorder *recorder)
 
 /* ---- lines ---- */
 
-static double seconds(int64_t us)
-{
-    return (double)us * 1e-6;
-}
-
 static void say(struct recorder *recorder, int64_t at_us, const char *event, const char *format,
                 ...) __attribute__((format(printf, 4, 5)));
 
@@ -44,8 +41,8 @@ static void say(struct recorder *recorder, int64_t at_us, const char *event, con
 {
     char line[RECORDER_LINE_SIZE];
     va_list arguments;
-    size_t length =
-        (size_t)snprintf(line, sizeof(line), "{\"t\":%.2f,\"event\":\"%s\"", seconds(at_us), event);
+    size_t length = (size_t)snprintf(line, sizeof(line), "{\"t\":%.2f,\"event\":\"%s\"",
+                                     duration_s(at_us), event);
 
     va_start(arguments, format);
     vsnprintf(line + length, sizeof(line) - length, format, arguments);
@@ -144,7 +141,7 @@ static void take_channel(struct recorder *recorder, enum channel channel,
     } else if (status->unbroken_us > totals->heard_us + ROUNDING_US) {
         silent_us = settle(recorder, channel, status->unbroken_us);
         say(recorder, totals->heard_us, "gap", ",\"channel\":\"%s\",\"seconds\":%.2f,\"armed\":%s",
-            channel_name(channel), seconds(status->unbroken_us - totals->heard_us),
+            channel_name(channel), duration_s(status->unbroken_us - totals->heard_us),
             silent_us > 0 ? "true" : "false");
     }
     totals->heard_us = later(totals->heard_us, status->confirmed_us);
@@ -172,7 +169,7 @@ static void set_fault(struct recorder *recorder, struct recorder_fault *fault, b
     fault->there = there;
     if (!there) {
         say(recorder, now_us, "fault_over", ",\"what\":\"%s\",\"seconds\":%.2f", fault->name,
-            seconds(now_us - fault->since_us));
+            duration_s(now_us - fault->since_us));
         return;
     }
     fault->since_us = now_us;
@@ -332,7 +329,7 @@ static void take_armed(struct recorder *recorder, bool armed)
         }
     }
     say(recorder, totals->at_us, "disarmed", ",\"seconds\":%.2f",
-        seconds(totals->at_us - totals->armed_since_us));
+        duration_s(totals->at_us - totals->armed_since_us));
     totals->armed_since_us = INT64_MIN;
 }
 
@@ -466,7 +463,7 @@ static void pass_time(struct recorder *recorder, int64_t now_us)
     }
     if (passed_us > UNWATCHED_US) {
         totals->unwatched_us += passed_us;
-        say(recorder, from_us, "unwatched", ",\"seconds\":%.2f", seconds(passed_us));
+        say(recorder, from_us, "unwatched", ",\"seconds\":%.2f", duration_s(passed_us));
     }
     totals->armed_us += passed_us;
     for (enum recorder_fault_kind kind = 0; kind < RECORDER_KINDS; kind++) {
@@ -499,7 +496,7 @@ static const char *instant(int64_t us, char out[24])
     if (us == INT64_MIN) {
         return "null";
     }
-    snprintf(out, 24, "%.2f", seconds(us));
+    snprintf(out, 24, "%.2f", duration_s(us));
     return out;
 }
 
@@ -510,7 +507,7 @@ static const char *began(enum recorder_began began)
 
 #define SAY(form, value)                                                                           \
     filled += (size_t)snprintf(sums + filled, sizeof(sums) - filled, form, value);
-#define SAY_TIME(name, field) SAY(",\"" name "\":%.2f", seconds(totals->field))
+#define SAY_TIME(name, field) SAY(",\"" name "\":%.2f", duration_s(totals->field))
 #define SAY_COUNT(name, field) SAY(",\"" name "\":%u", totals->field)
 
 void recorder_say_totals(struct recorder *recorder)
@@ -525,7 +522,7 @@ void recorder_say_totals(struct recorder *recorder)
         if (totals->fault_us[kind] > 0) {
             filled += (size_t)snprintf(faults + filled, sizeof(faults) - filled, "%s\"%s\":%.2f",
                                        filled == 0 ? "" : ",", recorder_kind_name(kind),
-                                       seconds(totals->fault_us[kind]));
+                                       duration_s(totals->fault_us[kind]));
         }
     }
     filled = 0;
@@ -538,8 +535,8 @@ void recorder_say_totals(struct recorder *recorder)
             "\"silent_s\":%.2f,\"longest_gap_s\":%.2f,\"gaps\":%u,\"open_gap_s\":%.2f}",
             channel == 0 ? "" : ",", channel_name(channel), one->required ? "true" : "false",
             one->armed_required ? "true" : "false", instant(one->first_us, first),
-            instant(one->heard_us, heard), seconds(one->silent_us), seconds(one->longest_us),
-            one->gaps, seconds(recorder_open_gap_us(recorder, channel)));
+            instant(one->heard_us, heard), duration_s(one->silent_us), duration_s(one->longest_us),
+            one->gaps, duration_s(recorder_open_gap_us(recorder, channel)));
     }
     say(recorder, totals->at_us, "totals",
         ",\"began_armed\":%s,\"armed_since\":%s%s,\"armed_fault_s\":{%s},\"channels\":{%s}",

@@ -135,13 +135,6 @@ void update_hawkbit_failed(int64_t now_us)
     }
 }
 
-static void say_nothing(void *context, enum config_severity severity, const char *sentence)
-{
-    (void)context;
-    (void)severity;
-    (void)sentence;
-}
-
 /* SWUpdate ended; how: in which way that mustn't be. */
 static void leave_alone(const char *how, int64_t now_us)
 {
@@ -149,7 +142,7 @@ static void leave_alone(const char *how, int64_t now_us)
     struct config config;
 
     config_defaults(&config);
-    config_read_file(&config, CONFIGURATION, say_nothing, NULL);
+    config_read_file(&config, CONFIGURATION, config_ignore_sentence, NULL);
     snprintf(sentence, sizeof(sentence),
              "SWUpdate ended %s over what the hawkBit server %s answers: it isn't asked for %d "
              "minutes.",

@@ -20,20 +20,13 @@
 
 #define TRIED DATA "/odid/.remembers"
 
-static void say_nothing(void *context, enum config_severity severity, const char *sentence)
-{
-    (void)context;
-    (void)severity;
-    (void)sentence;
-}
-
 /* As odidctl and the services read it: what is wrong in it was said elsewhere. */
 static bool prevents_downgrade(void)
 {
     struct config config;
 
     config_defaults(&config);
-    config_read_file(&config, CONFIGURATION, say_nothing, NULL);
+    config_read_file(&config, CONFIGURATION, config_ignore_sentence, NULL);
     return config.update_prevent_downgrade;
 }
 
