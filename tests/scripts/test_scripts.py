@@ -207,7 +207,8 @@ def test_the_port_where_the_autopilot_is_heard_is_kept(two_autopilots):
     assert two_autopilots.read("data/odid/autopilot-port") == FTDI_NAME + "\n"
 
 
-SEVEN_LOOKS = "until [ $(cat /looks | wc -l) -gt 7 ]; do usleep 10000; done"
+def looks(number):
+    return f"until [ $(cat /looks | wc -l) -gt {number} ]; do usleep 10000; done"
 
 
 @pytest.mark.parametrize("was, armed, listened, kept", [
@@ -220,14 +221,26 @@ def test_the_port_that_is_kept_stays_so_while_it_is_plugged_in(two_autopilots, w
     two_autopilots.write("armed", armed + "\n")
     if was:
         two_autopilots.write("run/mavlink-router.asked", "")
-    assert judged(two_autopilots, "/dev/ttyACM1", heard=True, wait=SEVEN_LOOKS) == (["sv term mavlink-router"] * listened, True)
+    assert judged(two_autopilots, "/dev/ttyACM1", heard=True, wait=looks(7)) == (["sv term mavlink-router"] * listened, True)
     assert two_autopilots.read("data/odid/autopilot-port").strip() in (kept, *([ACM_NAME] * listened))  # the router that ends is looked at on
 
 
-def test_one_that_isn_t_plugged_in_any_more_isn_t_kept(two_autopilots):
+@pytest.mark.parametrize("number, armed, kept", [
+    (13, "disarmed no 1", "usb-Other-if00"), (20, "disarmed no 1", FTDI_NAME), (20, "armed once 1", "usb-Other-if00")])
+def test_one_that_isn_t_plugged_in_any_more_is_kept_for_a_minute_and_in_the_air(two_autopilots, number, armed, kept):
+    """It came later than the other one, or was gone for a moment in flight, and was nobody from then on."""
     two_autopilots.write("data/odid/autopilot-port", "usb-Other-if00\n")
-    assert judged(two_autopilots, "/dev/ttyUSB0", heard=True, wait=SEVEN_LOOKS) == ([], True)
-    assert two_autopilots.read("data/odid/autopilot-port") == FTDI_NAME + "\n"
+    two_autopilots.write("armed", armed + "\n")
+    assert judged(two_autopilots, "/dev/ttyUSB0", heard=True, wait=looks(number)) == ([], True)
+    assert two_autopilots.read("data/odid/autopilot-port") == kept + "\n"
+
+
+def test_an_armed_aircraft_s_port_is_judged_once_it_has_landed(two_autopilots):
+    """Only its third look counted."""
+    two_autopilots.write("data/odid/autopilot-port", FTDI_NAME + "\n")
+    two_autopilots.write("armed", "armed once 1\n")
+    landing = f"{looks(6)}; echo disarmed once 1 >/armed; {looks(12)}"
+    assert judged(two_autopilots, "/dev/ttyACM1", heard=True, wait=landing) == (["sv term mavlink-router"], True)
 
 
 @pytest.mark.parametrize("device, waited", [("auto", ["5", "10", "15"]), ("/dev/ttyAMA0", [])])
@@ -445,7 +458,9 @@ def test_the_ground_station_s_interface_may_come_and_go(appliance):
         return appliance.read("loaded")
 
     appliance.write("sys/class/net/eth0/ifindex", "2\n")
+    appliance.must("rm /run/lock/firewall")
     assert event("add", "eth0", "usb1").count(WAY) == 1
+    assert [appliance.must(f"stat -c %a /run/{file}").strip() for file in ("lock/firewall", "odid-appliance/firewall")] == ["644"] * 2
     assert not event("add")
     # Whoever else may have its name now: it is there still.
     appliance.must("mv /sys/class/net/eth0 /sys/class/net/x")
@@ -657,7 +672,7 @@ def test_a_country_that_is_not_in_force_is_a_fault(appliance, in_force, fault):
 def plugged(appliance, interface):
     """mdev's word that it came: a device's, as the kernel has it."""
     (appliance.root / f"sys/class/net/{interface}/device").mkdir(parents=True, exist_ok=True)
-    appliance.must(f"ACTION=add MDEV={interface} /lib/odid/device-network")
+    appliance.must(f"umask 0; ACTION=add MDEV={interface} /lib/odid/device-network")
 
 
 def supervised(appliance):

@@ -121,6 +121,21 @@ def test_one_that_is_called_off_while_it_waits_is(server, start, no_bundle):
     assert [status["execution"] for status in server.cancelled] == ["closed"] and not server.violations
 
 
+def test_what_is_called_off_at_each_poll_is_not_written_each_time(server, start, no_bundle, tmp_path):
+    """U-Boot's environment was, once a second where the server liked, in flight as well."""
+    server.update = "skip"
+    start("0")
+    environment = tmp_path / "environment"
+    before = environment.stat().st_mtime_ns
+    for number in range(3):
+        server.offer(60 + number, no_bundle, OFFERED)
+        server.cancelled.clear()
+        server.cancel()
+        wait_for("the answer", lambda: server.cancelled)
+    more_polls(server)
+    assert environment.stat().st_mtime_ns == before and not server.violations
+
+
 def test_one_that_is_called_off_once_it_runs_has_happened(server, start, no_bundle):
     """It was told to have been called off, and ran."""
     server.offer(31, no_bundle, OFFERED)

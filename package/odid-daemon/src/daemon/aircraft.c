@@ -129,12 +129,15 @@ static bool took_off_just_before(const struct aircraft *aircraft, int64_t now_us
 static void take_kind(struct aircraft *aircraft, const struct telemetry_update *update,
                       int64_t now_us)
 {
+    bool simulated = update->heartbeat.base_mode & MAV_MODE_FLAG_HIL_ENABLED;
     bool same = aircraft->mav_type == update->heartbeat.mav_type &&
-                aircraft->autopilot == update->heartbeat.autopilot;
+                aircraft->autopilot == update->heartbeat.autopilot &&
+                aircraft->simulated == simulated;
 
     if (same || !aircraft_fresh(aircraft->kind_us, now_us)) {
         aircraft->mav_type = update->heartbeat.mav_type;
         aircraft->autopilot = update->heartbeat.autopilot;
+        aircraft->simulated = simulated;
         aircraft->kind_us = now_us;
     }
 }
@@ -166,7 +169,6 @@ static void take_heartbeat(struct aircraft *aircraft, const struct telemetry_upd
     aircraft->says_disarmed = !says_armed && !update->heartbeat.doubtful;
     aircraft->armed = armed;
     aircraft->heartbeat_us = now_us;
-    aircraft->simulated = update->heartbeat.base_mode & MAV_MODE_FLAG_HIL_ENABLED;
     take_kind(aircraft, update, now_us);
     /* The text counts with what a crash brings: some only say it, and fly on. */
     if (says_armed && aircraft->crashed_us != INT64_MIN &&

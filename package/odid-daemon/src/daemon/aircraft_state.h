@@ -120,10 +120,10 @@ struct aircraft {
 
     int64_t heartbeat_us; /* INT64_MIN: never; likewise below */
     uint8_t mav_type, autopilot, system_status, said_status;
-    int64_t kind_us;     /* when that type, of that autopilot, was said last */
+    bool simulated;      /* it says that it flies in a simulation */
+    int64_t kind_us;     /* when that type, autopilot and that was said last */
     bool doubtful;       /* two sources speak as the autopilot */
     int64_t doubtful_us; /* since when */
-    bool simulated;      /* it says that it flies in a simulation */
     struct arming arming;
     bool armed;         /* its outcome */
     bool flies_unheard; /* armed by what it does: no HEARTBEAT said so */

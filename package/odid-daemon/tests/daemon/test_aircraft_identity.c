@@ -304,6 +304,7 @@ static void who_forges_heartbeats_does_not_change_what_it_is(void **state)
     fly(5);
     forged.heartbeat.mav_type = MAV_TYPE_FREE_BALLOON;
     forged.heartbeat.autopilot = MAV_AUTOPILOT_PX4;
+    forged.heartbeat.base_mode = MAV_MODE_FLAG_HIL_ENABLED;
     for (unsigned i = 0; i < 60; i++) {
         forged.heartbeat.doubtful = i >= 4; /* seen after some of them */
         for (unsigned in_a_row = 0; in_a_row <= i % 3; in_a_row++) {
@@ -312,6 +313,7 @@ static void who_forges_heartbeats_does_not_change_what_it_is(void **state)
             assert_int_equal(view.basic_id[0].ua_type, 2);
             assert_int_equal(condition.mav_type, MAV_TYPE_HEXAROTOR);
             assert_int_equal(condition.autopilot, MAV_AUTOPILOT_ARDUPILOTMEGA);
+            assert_false(condition.simulated);
         }
         fly(1);
         assert_int_equal(view.basic_id[0].ua_type, 2);

@@ -224,11 +224,16 @@ static void hardware_in_the_loop_is_known_as_such(void **state)
     fly(5);
     assert_false(condition.simulated);
     update.heartbeat.mav_type = sim.mav_type;
+    update.heartbeat.autopilot = sim.autopilot;
     update.heartbeat.base_mode = MAV_MODE_FLAG_HIL_ENABLED | MAV_MODE_FLAG_SAFETY_ARMED;
-    give(&update);
-    look();
-    assert_true(condition.simulated);
-    fly(2);
+    /* As what kind it is: when the other word isn't said any more. */
+    for (unsigned i = 0; i < 5; i++) {
+        now_us += SECOND;
+        give(&update);
+        look();
+        assert_int_equal(condition.simulated, i >= 2);
+    }
+    fly(5);
     assert_false(condition.simulated);
 }
 
