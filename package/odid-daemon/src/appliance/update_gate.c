@@ -23,7 +23,7 @@
 
 struct connection {
     struct loop_watch watch;
-    enum { SILENT, ASKING, UNATTENDED, BEGUN /* what is unattended */ } state;
+    bool asking; /* at the gate */
     int64_t since_us;
 };
 
@@ -55,53 +55,13 @@ static void end_connection(struct connection *connection)
     close(fd);
 }
 
-static void send_sentence(struct connection *connection, const char *sentence)
+static void answer_and_end(struct connection *connection, const char *sentence)
 {
     if (send(connection->watch.fd, sentence, strlen(sentence) + 1, MSG_NOSIGNAL | MSG_DONTWAIT) <
         0) {
         log_warning("update: whoever asked has gone: %s", strerror(errno));
     }
-}
-
-static void answer_and_end(struct connection *connection, const char *sentence)
-{
-    send_sentence(connection, sentence);
     end_connection(connection);
-}
-
-static bool is_unattended(void)
-{
-    for (unsigned i = 0; i < CONNECTIONS; i++) {
-        const struct connection *one = &self.connections[i];
-
-        if (one->watch.fd >= 0 && (one->state == UNATTENDED || one->state == BEGUN)) {
-            return true;
-        }
-    }
-    return false;
-}
-
-void update_gate_begins(void)
-{
-    for (unsigned i = 0; i < CONNECTIONS; i++) {
-        struct connection *one = &self.connections[i];
-
-        if (one->state == UNATTENDED) {
-            one->state = BEGUN;
-        }
-    }
-}
-
-/* Not what was said since it began: that is of the next one. */
-void update_gate_ends(void)
-{
-    for (unsigned i = 0; i < CONNECTIONS; i++) {
-        struct connection *one = &self.connections[i];
-
-        if (one->watch.fd >= 0 && one->state == BEGUN) {
-            end_connection(one);
-        }
-    }
 }
 
 /* Returns whether it is answered. */
@@ -110,7 +70,7 @@ static bool try_gate(struct connection *connection, int64_t now_us)
     char sentence[UPDATE_SENTENCE_SIZE] = "";
 
     if (self.calls->known()) {
-        self.calls->judge(is_unattended(), sentence);
+        self.calls->judge(sentence);
     } else if (now_us - connection->since_us >= KNOWN_US) {
         snprintf(sentence, sizeof(sentence),
                  "SWUpdate didn't say that it has begun. Try again in a minute.");
@@ -127,7 +87,7 @@ static void on_look(void *context, int64_t now_us)
     for (unsigned i = 0; i < CONNECTIONS; i++) {
         struct connection *one = &self.connections[i];
 
-        if (one->watch.fd >= 0 && one->state == ASKING && !try_gate(one, now_us)) {
+        if (one->watch.fd >= 0 && one->asking && !try_gate(one, now_us)) {
             loop_arm(&self.look, now_us + LOOK_US);
         }
     }
@@ -138,12 +98,9 @@ static void take_word(struct connection *connection, const char *word, int64_t n
     char sentence[UPDATE_SENTENCE_SIZE] = "";
 
     if (strcmp(word, "gate") == 0) {
-        connection->state = ASKING;
+        connection->asking = true;
         connection->since_us = now_us;
         on_look(NULL, now_us);
-    } else if (strcmp(word, "unattended") == 0) {
-        connection->state = UNATTENDED;
-        send_sentence(connection, "");
     } else if (strcmp(word, "cancel") == 0) {
         self.calls->cancel(sentence);
         answer_and_end(connection, sentence);
@@ -162,7 +119,7 @@ static void on_word(void *context, uint32_t events, int64_t now_us)
     if (length < 0 && errno == EAGAIN) {
         return;
     }
-    if (length <= 0 || connection->state != SILENT) {
+    if (length <= 0 || connection->asking) {
         end_connection(connection);
         return;
     }
@@ -180,7 +137,7 @@ static void on_asker(void *context, uint32_t events, int64_t now_us)
         struct connection *one = &self.connections[i];
 
         if (one->watch.fd < 0) {
-            one->state = SILENT;
+            one->asking = false;
             if (loop_watch(&one->watch, fd, EPOLLIN, on_word, one) == 0) {
                 return;
             }
@@ -249,7 +206,7 @@ int update_gate_say(const char *directory, const char *word)
     return error != 0 ? -error : fd;
 }
 
-static int say_and_hear(const char *directory, const char *word, char answer[UPDATE_SENTENCE_SIZE])
+int update_gate_ask(const char *directory, const char *word, char answer[UPDATE_SENTENCE_SIZE])
 {
     int fd = update_gate_say(directory, word), error;
     ssize_t length;
@@ -258,28 +215,11 @@ static int say_and_hear(const char *directory, const char *word, char answer[UPD
         return fd;
     }
     length = recv(fd, answer, UPDATE_SENTENCE_SIZE - 1, 0);
+    error = length < 0 ? errno : ECONNRESET; /* it ended meanwhile */
+    close(fd);
     if (length <= 0) {
-        error = length < 0 ? errno : ECONNRESET; /* it ended meanwhile */
-        close(fd);
         return -error;
     }
     answer[length] = '\0';
-    return fd;
-}
-
-int update_gate_say_unattended(const char *directory)
-{
-    char answer[UPDATE_SENTENCE_SIZE];
-
-    return say_and_hear(directory, "unattended", answer);
-}
-
-int update_gate_ask(const char *directory, const char *word, char answer[UPDATE_SENTENCE_SIZE])
-{
-    int fd = say_and_hear(directory, word, answer);
-
-    if (fd >= 0) {
-        close(fd);
-    }
-    return fd < 0 ? fd : 0;
+    return 0;
 }

@@ -1,11 +1,9 @@
 /*
  * The service update's socket: one word each, and the answer is one sentence.
  *
- *   gate        SWUpdate asks (swupdate.cfg) whether what it checks may be written.
- *               Answered when it is known; empty: yes
- *   unattended  nobody asked for what is installed while this connection is open: for one
- *               install, the next that begins. Empty: it is noted
- *   cancel      calls off what is being installed. Empty: so it is
+ *   gate    SWUpdate asks (swupdate.cfg) whether what it checks may be written.
+ *           Answered when it is known; empty: yes
+ *   cancel  calls off what is being installed. Empty: so it is
  *
  * Root's only: socket and folder say so.
  */
@@ -21,24 +19,17 @@
 struct update_gate_calls {
     /* Is it known that SWUpdate checks a bundle? Its word may be on its way. */
     bool (*known)(void);
-    void (*judge)(bool unattended, char answer[UPDATE_SENTENCE_SIZE]);
+    void (*judge)(char answer[UPDATE_SENTENCE_SIZE]);
     void (*cancel)(char answer[UPDATE_SENTENCE_SIZE]);
 };
 
 /* Within loop.h's loop. Returns 0, or -errno. */
 int update_gate_serve(const char *directory, const struct update_gate_calls *calls);
 
-/* An install begins, and ends: so does what was said of it, whoever still holds the connection. */
-void update_gate_begins(void);
-void update_gate_ends(void);
-
 /* ---- the other end ---- */
 
 /* Returns a connection to whom the word was said, or -errno when there is nobody. */
 int update_gate_say(const char *directory, const char *word);
-
-/* Likewise "unattended"; it is noted then. */
-int update_gate_say_unattended(const char *directory);
 
 /* Says it and waits for the answer. Returns 0, or -errno when there was none. */
 int update_gate_ask(const char *directory, const char *word, char answer[UPDATE_SENTENCE_SIZE]);

@@ -261,22 +261,18 @@ struct attempt {
                     be another story next time */
 };
 
-/* Returns SWUpdate's connection, or -1, which is said. unattended: NULL, or to be held until it is
- * over. */
-static int connect_installer(const struct places *places, int *unattended)
+/* Returns SWUpdate's connection, or -1, which is said. unattended: nobody asked for it. */
+static int connect_installer(bool unattended)
 {
     struct swupdate_request request;
     int installer;
 
-    if (unattended != NULL) {
-        *unattended = update_gate_say_unattended(places->state);
-        if (*unattended < 0) {
-            fputs("odidctl: the service update doesn't answer: nothing is installed.\n", stderr);
-            return -1;
-        }
-    }
     swupdate_prepare_req(&request);
     request.source = SOURCE_LOCAL; /* no server's: none is told, or left alone for it */
+    if (unattended) {
+        strcpy(request.info, UPDATE_UNATTENDED);
+        request.len = strlen(request.info);
+    }
     installer = ipc_inst_start_ext(&request, sizeof(request));
     if (installer < 0) {
         fputs("odidctl: SWUpdate takes no bundle: another update is being installed, or it isn't "
@@ -286,7 +282,7 @@ static int connect_installer(const struct places *places, int *unattended)
     return installer;
 }
 
-static int install(const struct places *places, const char *name, int *unattended,
+static int install(const struct places *places, const char *name, bool unattended,
                    struct attempt *attempt)
 {
     const struct timespec moment = {.tv_nsec = LOOK_MS * 1000000};
@@ -300,8 +296,7 @@ static int install(const struct places *places, const char *name, int *unattende
     if (!open_source(name, &source)) {
         return ODIDCTL_NOT_GOOD;
     }
-    /* Only now, for a stick may take its time: what comes between would count as what was said. */
-    installer = connect_installer(places, unattended);
+    installer = connect_installer(unattended);
     if (installer < 0) {
         close(source.fd);
         return ODIDCTL_NO_ANSWER;
@@ -459,13 +454,10 @@ static int try_file(const struct places *places, const char *path, const char *v
                     const char *identity)
 {
     struct attempt attempt;
-    int unattended = -1, result;
+    int result;
 
     printf("Version %s is tried.\n", version);
-    result = install(places, path, &unattended, &attempt);
-    if (unattended >= 0) {
-        close(unattended);
-    }
+    result = install(places, path, true, &attempt);
     if (result == ODIDCTL_GOOD) {
         remember_file(places, identity); /* of those that fail their trial the last one is known */
     } else {
@@ -474,8 +466,8 @@ static int try_file(const struct places *places, const char *path, const char *v
     return result;
 }
 
-/* The newest bundle of the folder, as one that nobody asked for: the gate is told so, and judges by
- * the description that was verified. This one only saves work. */
+/* The newest bundle of the folder, as one that nobody asked for: the gate hears of it, and judges
+ * by the description that was verified. This one only saves work. */
 static int install_from(const struct places *places, const char *folder)
 {
     char hardware[UPDATE_HARDWARE_SIZE], name[NAME_MAX + 1];
@@ -527,5 +519,5 @@ int odidctl_update(const struct places *places, const char *name)
         return call_off(places);
     }
     return stat(name, &file) == 0 && S_ISDIR(file.st_mode) ? install_from(places, name)
-                                                           : install(places, name, NULL, &attempt);
+                                                           : install(places, name, false, &attempt);
 }

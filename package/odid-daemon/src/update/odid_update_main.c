@@ -116,7 +116,6 @@ static void on_tick(void *context, int64_t now_us)
 
 static void on_begins(int64_t now_us)
 {
-    update_gate_begins();
     if (self.passed || self.update.state == UPDATE_CHECKING) {
         return; /* it does one at a time: that isn't its word, or the one before wasn't */
     }
@@ -205,7 +204,6 @@ static void on_ends(const char *why, int64_t now_us)
 {
     bool passed = self.passed, broke_off = passed && self.update.stopped == NULL;
 
-    update_gate_ends(); /* who gave it may still wait for a stick that stands still */
     self.passed = self.stopping = false;
     if (self.beside) {
         keep_refusal(why, "");
@@ -267,8 +265,9 @@ static void take_version(void)
     }
 }
 
-static void judge_offer(bool unattended, char answer[UPDATE_SENTENCE_SIZE])
+static void judge_offer(char answer[UPDATE_SENTENCE_SIZE])
 {
+    bool unattended = update_installer_is_unattended(loop_now_us()); /* first: and from where */
     const struct update_question question = {.running = self.running,
                                              .other = self.other,
                                              .version = self.version,

@@ -29,6 +29,7 @@ static struct {
     pid_t heard;     /* the SWUpdate that was listened to last; 0: none, -1: not known which */
     struct loop_watch notices, progress;
     bool running, succeeded;
+    bool unattended; /* what was begun last */
     enum update_source source;
     char complaint[UPDATE_SENTENCE_SIZE];
 } self = {.notices = {.fd = -1}, .progress = {.fd = -1}};
@@ -138,9 +139,20 @@ static void take_source(sourcetype said)
     }
 }
 
+/* The request's own word, when its description is verified: another install's has another message,
+ * and whoever speaks to SWUpdate's notifier makes none that begins one. */
+static void take_request(const struct progress_msg *message)
+{
+    self.unattended = message->infolen == strlen(UPDATE_UNATTENDED) &&
+                      memcmp(message->info, UPDATE_UNATTENDED, message->infolen) == 0;
+}
+
 static void take_progress(const struct progress_msg *message, int64_t now_us)
 {
     take_source(message->source);
+    if (message->status == START) {
+        take_request(message);
+    }
     if (self.running && !self.in_history && message->cur_step > 0 &&
         (message->status == RUN || message->status == PROGRESS)) {
         self.calls->progress((int)message->cur_percent, now_us);
@@ -159,6 +171,16 @@ static int read_progress(int64_t now_us)
     }
     take_progress(&message, now_us);
     return 0;
+}
+
+bool update_installer_is_unattended(int64_t now_us)
+{
+    int result;
+
+    do {
+        result = read_progress(now_us);
+    } while (result == 0);
+    return result != -EAGAIN || self.unattended;
 }
 
 static void end_install(int64_t now_us)
@@ -322,6 +344,7 @@ static void connect_now(void *context, int64_t now_us)
     if (self.in_history) {
         loop_arm(&self.history, now_us + HISTORY_US);
     }
+    self.unattended = true; /* until it is heard: nothing of this is repeated */
     loop_watch(&self.progress, progress, EPOLLIN, on_progress, NULL);
     loop_watch(&self.notices, notices, EPOLLIN, on_notice, NULL);
 }

@@ -31,6 +31,10 @@ struct update_installer_calls {
  */
 void update_installer_watch(const struct update_installer_calls *calls, bool from_the_start);
 
+/* Did nobody ask for what it installs? For the gate: what SWUpdate said before it asked is read
+ * first. Who wasn't heard to begin counts as one whom nobody asked. */
+bool update_installer_is_unattended(int64_t now_us);
+
 /* Ends SWUpdate at once, whoever supervises it now. pid_file: its number and its start, as
  * take_over (overlay/lib/odid/functions) wrote them. Returns 0 or -errno; -ESRCH: it has ended. */
 int update_installer_end(const char *pid_file);

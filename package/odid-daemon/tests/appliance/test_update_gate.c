@@ -20,7 +20,7 @@
 #include "loop_until.h"
 
 static char folder[] = "/tmp/odid-gate-XXXXXX";
-static bool known, judged_unattended;
+static bool known;
 static const char *verdict;
 
 static struct {
@@ -36,9 +36,8 @@ static bool is_known(void)
     return known;
 }
 
-static void judge(bool unattended, char answer[UPDATE_SENTENCE_SIZE])
+static void judge(char answer[UPDATE_SENTENCE_SIZE])
 {
-    judged_unattended = unattended;
     snprintf(answer, UPDATE_SENTENCE_SIZE, "%s", verdict);
 }
 
@@ -137,65 +136,6 @@ static void and_no_longer_than_five_seconds(void **state)
     assert_non_null(strstr(answer_within(4000), "didn't say that it has begun"));
 }
 
-static void *say(void *context)
-{
-    (void)context;
-    asker.result = update_gate_say_unattended(folder);
-    asker.done = true;
-    return NULL;
-}
-
-/* Its connection. */
-static int say_unattended(void)
-{
-    asker.done = false;
-    assert_int_equal(pthread_create(&asker.thread, NULL, say, NULL), 0);
-    assert_true(loop_until(is_answered, 1000));
-    pthread_join(asker.thread, NULL);
-    assert_true(asker.result >= 0);
-    return asker.result;
-}
-
-static bool is_judged_unattended(void)
-{
-    begin_asking("gate");
-    answer_within(1000);
-    return judged_unattended;
-}
-
-static void unattended_as_long_as_somebody_says_so(void **state)
-{
-    int fd;
-
-    (void)state;
-    fd = say_unattended();
-    assert_true(is_judged_unattended());
-    close(fd);
-    assert_false(is_judged_unattended());
-}
-
-/* SWUpdate was ended, and who gave it what the stick has still reads that: the next bundle, a
- * technician's, was taken for a stick's. */
-static void unattended_is_one_install(void **state)
-{
-    char octet;
-    int fd;
-
-    (void)state;
-    update_gate_begins(); /* another's */
-    fd = say_unattended();
-    update_gate_ends();
-    assert_true(is_judged_unattended());
-    update_gate_begins();
-    assert_true(is_judged_unattended());
-    update_gate_ends();
-    assert_false(is_judged_unattended());
-    assert_int_equal(recv(fd, &octet, 1, MSG_DONTWAIT), 0); /* its place is free */
-    close(fd);
-    update_gate_begins();
-    update_gate_ends();
-}
-
 static void whoever_says_nothing_or_nonsense_takes_no_place(void **state)
 {
     int fds[20];
@@ -239,8 +179,6 @@ int main(void)
         cmocka_unit_test_setup(one_word_one_sentence, begin),
         cmocka_unit_test_setup(the_answer_waits_until_it_is_known_what_is_asked, begin),
         cmocka_unit_test_setup(and_no_longer_than_five_seconds, begin),
-        cmocka_unit_test_setup(unattended_as_long_as_somebody_says_so, begin),
-        cmocka_unit_test_setup(unattended_is_one_install, begin),
         cmocka_unit_test_setup(whoever_says_nothing_or_nonsense_takes_no_place, begin),
         cmocka_unit_test_setup(it_is_roots, begin),
         cmocka_unit_test_setup(nobody_there_is_an_error, begin),

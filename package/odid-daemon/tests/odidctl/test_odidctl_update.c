@@ -9,15 +9,15 @@
 
 #define ipc_inst_start_ext model_start
 #define ipc_end model_end
-#define update_gate_say_unattended model_say_unattended
 #define armed_not_disarmed model_not_disarmed
 #include "odidctl/odidctl_update.c"
 #include "own_folder.h"
 
 /* ---- the models ---- */
 
-static bool armed, busy, takes, unwatched;
-static unsigned said, started;
+static bool armed, busy, takes;
+static char info[512]; /* of the request */
+static unsigned started;
 
 static void put(const char *path, const char *text)
 {
@@ -27,7 +27,11 @@ static void put(const char *path, const char *text)
 /* It refuses what it is given before it has read it, unless it takes it. */
 int model_start(void *request, ssize_t size)
 {
-    (void)request, (void)size;
+    const struct swupdate_request *given = request;
+
+    assert_int_equal(size, sizeof(*given));
+    assert_int_equal(given->len, strlen(given->info));
+    strcpy(info, given->info);
     started++;
     if (busy) {
         return -1;
@@ -44,16 +48,6 @@ int model_start(void *request, ssize_t size)
 void model_end(int installer)
 {
     close(installer);
-}
-
-int model_say_unattended(const char *directory)
-{
-    (void)directory;
-    said++;
-    if (unwatched) {
-        return -ECONNRESET;
-    }
-    return open("/dev/null", O_RDONLY | O_CLOEXEC);
 }
 
 const char *model_not_disarmed(const struct places *places)
@@ -157,28 +151,20 @@ static void one_that_was_written_is_left_alone_whatever_becomes_of_it(void **sta
     assert_false(is_left_alone(27, identity)); /* nor does it count as one that came to nothing */
 }
 
-/* SWUpdate would take it as somebody's. And a stick that takes its time to open it holds no word
- * that another's install uses up. */
-static void nothing_begins_before_it_is_known_that_nobody_asked_for_it(void **state)
+static void the_request_says_that_nobody_asked_for_it(void **state)
 {
-    char identity[UPDATE_IDENTITY_SIZE] = "some file";
+    char identity[UPDATE_IDENTITY_SIZE];
 
     (void)state;
-    said = started = 0;
-    try_file(&places, "stick/none.swu", "2", identity);
-    assert_int_equal(said + started, 0);
-    unwatched = true;
+    started = 0;
     is_left_alone(28, identity);
-    assert_int_equal(try_file(&places, "stick/odid.swu", "2", identity), ODIDCTL_NO_ANSWER);
-    assert_int_equal(said, 1);
-    assert_int_equal(started, 0);
-    unwatched = false;
-    assert_false(is_left_alone(28, identity)); /* nor is the file to blame */
     try_file(&places, "stick/odid.swu", "2", identity);
-    assert_int_equal(said, 2);
-    assert_int_equal(started, 1);
-    install(&places, "stick/odid.swu", NULL, &(struct attempt){0}); /* a technician's */
-    assert_int_equal(said, 2);
+    assert_string_equal(info, "unattended");
+    install(&places, "stick/odid.swu", false, &(struct attempt){0}); /* a technician's */
+    assert_string_equal(info, "");
+    assert_int_equal(started, 2);
+    try_file(&places, "stick/none.swu", "2", identity);
+    assert_int_equal(started, 2);
     switch_off_and_on();
 }
 
@@ -193,7 +179,7 @@ static int in_a_folder(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(nothing_begins_before_it_is_known_that_nobody_asked_for_it),
+        cmocka_unit_test(the_request_says_that_nobody_asked_for_it),
         cmocka_unit_test(the_last_eight_files_that_came_to_nothing_are_left_alone),
         cmocka_unit_test(one_that_was_written_is_left_alone_whatever_becomes_of_it),
         cmocka_unit_test(one_that_is_refused_at_once_counts_until_power_off),

@@ -29,8 +29,6 @@ static void model_sync(void);
 #define status_fetch model_fetch
 #define update_gate_serve model_gate_serve
 #define update_gate_ask model_gate_ask
-#define update_gate_begins model_gate_begins
-#define update_gate_ends model_gate_ends
 #define sync model_sync
 #define update_write_result model_write_result
 #define update_write_record model_write_record
@@ -63,7 +61,7 @@ static struct {
     const char *bt5;          /* its state; Bluetooth 4 is on the air */
     const char *wifi;         /* likewise; NULL: absent */
     char report;              /* to hawkBit's server */
-    unsigned begun, over;     /* the gate was told so of an install */
+    bool unattended;          /* nobody asked for what SWUpdate installs */
     unsigned restarts, ended; /* init was told to restart; SWUpdate was ended */
 } board;
 
@@ -141,6 +139,12 @@ void update_installer_watch(const struct update_installer_calls *calls, bool fir
     (void)calls, (void)first;
 }
 
+bool update_installer_is_unattended(int64_t now)
+{
+    (void)now;
+    return board.unattended;
+}
+
 int update_installer_end(const char *pid_file)
 {
     (void)pid_file;
@@ -158,16 +162,6 @@ int model_gate_serve(const char *directory, const struct update_gate_calls *call
 {
     (void)directory, (void)calls;
     return 0;
-}
-
-void model_gate_begins(void)
-{
-    board.begun++;
-}
-
-void model_gate_ends(void)
-{
-    board.over++;
 }
 
 int model_gate_ask(const char *directory, const char *question, char answer[UPDATE_SENTENCE_SIZE])
@@ -249,7 +243,8 @@ static void given(enum update_source source, bool unattended)
                      "slot-octets = \"9\";\n");
     on_begins(now_us);
     on_source(source);
-    judge_offer(unattended, answer);
+    board.unattended = unattended;
+    judge_offer(answer);
     assert_string_equal(answer, "");
     assert_string_equal(self.update.version, "1.1.0"); /* the one that was signed */
     on_progress(50, now_us);
@@ -467,25 +462,6 @@ static void one_that_began_in_a_trial_is_watched_when_that_is_over(void **state)
         pass(60);
         assert_int_equal(self.update.state, UPDATE_IDLE); /* nothing is beside anything now */
     }
-}
-
-/* What a stick's odidctl has said isn't said of the next one. */
-static void the_gate_knows_when_an_install_is_over(void **state)
-{
-    (void)state;
-    slot_a_runs_1_0_0();
-    given(UPDATE_SOURCE_OTHER, true);
-    pass(31);
-    assert_int_equal(board.begun, 1);
-    assert_int_equal(board.over, 0);
-    swupdate_ends(true);
-    assert_int_equal(board.over, 1);
-    setup(state); /* also when it counts for nothing else */
-    slot_b_is_on_trial();
-    on_begins(now_us);
-    assert_int_equal(board.begun, 2);
-    on_ends("refused", now_us);
-    assert_int_equal(board.over, 2);
 }
 
 /* Before the trial is over. */
@@ -927,7 +903,7 @@ static void what_was_called_off_before_the_gate_is_not_written(void **state)
     on_begins(now_us);
     call_off(answer);
     assert_string_equal(answer, "");
-    judge_offer(false, answer);
+    judge_offer(answer);
     assert_non_null(strstr(answer, "called off"));
     assert_false(board.writable);
 }
@@ -960,7 +936,6 @@ int main(void)
         cmocka_unit_test_setup(a_server_that_offers_garbage_is_left_alone, setup),
         cmocka_unit_test_setup(one_that_is_begun_again_and_again_is_ended, setup),
         cmocka_unit_test_setup(one_that_began_in_a_trial_is_watched_when_that_is_over, setup),
-        cmocka_unit_test_setup(the_gate_knows_when_an_install_is_over, setup),
         cmocka_unit_test_setup(one_that_was_refused_in_a_trial_is_over, setup),
         cmocka_unit_test_setup(one_that_comes_after_a_pretended_one_is_installed, setup),
         cmocka_unit_test_setup(one_that_is_called_off_before_the_gate_is_not_begun_again, setup),

@@ -66,11 +66,20 @@ static void say(int fd, char letter)
     }
 }
 
-/* By the other socket: server or local. */
+/* By the other socket: server or local; a local one's beginning, unattended, attended after such a
+ * one, whose word stands on where nothing counts; what anybody can have it say there. */
 static void say_progress(int fd, char letter)
 {
     struct progress_msg message = {.status = FAILURE,
                                    .source = letter == 's' ? SOURCE_SURICATTA : SOURCE_LOCAL};
+
+    if (letter == 'u' || letter == 'a') {
+        message.status = START;
+    } else if (letter == 'p') {
+        message.status = PROGRESS;
+    }
+    strcpy(message.info, "unattended");
+    message.infolen = letter == 'a' ? 0 : strlen(message.info);
 
     if (write(fd, &message, sizeof(message)) != sizeof(message)) {
         _exit(1);
@@ -94,9 +103,9 @@ static void tell_that_all_is_said(int orders)
 }
 
 /* history: a letter for each message: Start, Failure, Good, Idle, Error of the socket's,
- * the client's Channel and JSON, Update state that it asked for, (server's, local one's) progress;
- * a word for each time that somebody begins to listen, who is sent away at its end, and dots in it
- * where an order is awaited. */
+ * the client's Channel and JSON, Update state that it asked for, (server's, local one's; see
+ * say_progress) progress; a word for each time that somebody begins to listen, who is sent away at
+ * its end, and dots in it where an order is awaited. */
 static void serve(const char *history, int orders, int progress)
 {
     int control = listen_at(get_ctrl_socket());
@@ -115,7 +124,7 @@ static void serve(const char *history, int orders, int progress)
         for (; *history != '\0' && *history != ' '; history++) {
             if (*history == '.') {
                 await_order(orders);
-            } else if (*history == 's' || *history == 'l') {
+            } else if (strchr("sluap", *history) != NULL) {
                 say_progress(listener, *history);
             } else {
                 say(fd, *history);
@@ -319,6 +328,43 @@ static void an_end_that_is_read_before_the_progress_said_after_it(void **state)
     end(one);
 }
 
+static bool it_has_begun(void)
+{
+    return told.begun > 0;
+}
+
+static bool it_was_lost(void)
+{
+    return lost > 0;
+}
+
+/* An IDLE that anybody can have SWUpdate say made a technician's of a stick's older bundle. */
+static void nobody_asked_until_the_request_says_otherwise(void **state)
+{
+    static const struct {
+        const char *said;
+        bool unattended;
+    } cases[] = {{"S", true},   {"Sl", true},  {"Su", true},   {"Sa", false},     {"Sap", false},
+                 {"Sup", true}, {"SuI", true}, {"SuIS", true}, {"SuFISa", false}, {"SaFISu", true}};
+
+    (void)state;
+    memset(&told, 0, sizeof(told));
+    assert_int_equal(loop_init(), 0);
+    update_installer_watch(&calls, true);
+    for (unsigned i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+        struct swupdate one = start(cases[i].said);
+        char said;
+
+        told.begun = lost = 0;
+        assert_true(loop_until(it_has_begun, 1000));
+        assert_int_equal(read(one.orders, &said, 1), 1); /* whatever of it is read yet */
+        assert_int_equal(update_installer_is_unattended(loop_now_us()), cases[i].unattended);
+        end(one);
+        assert_true(loop_until(it_was_lost, 1000));
+        assert_true(update_installer_is_unattended(loop_now_us()));
+    }
+}
+
 /* ---- ending it ---- */
 
 /* As take_over writes it (overlay/lib/odid/functions), with field 22 of a process' stat. */
@@ -408,6 +454,7 @@ int main(void)
                                   end_what_is_left),
         cmocka_unit_test_teardown(an_end_that_is_read_before_the_progress_said_after_it,
                                   end_what_is_left),
+        cmocka_unit_test_teardown(nobody_asked_until_the_request_says_otherwise, end_what_is_left),
         cmocka_unit_test_teardown(it_is_ended_by_its_number_and_its_start, end_what_is_left),
     };
 
