@@ -286,7 +286,7 @@ static int install(const struct places *places, const char *name, bool unattende
                    struct attempt *attempt)
 {
     const struct timespec moment = {.tv_nsec = LOOK_MS * 1000000};
-    struct before before = look_before(places);
+    struct before before;
     struct source source;
     int installer, code;
     bool whole, disarmed;
@@ -296,6 +296,7 @@ static int install(const struct places *places, const char *name, bool unattende
     if (!open_source(name, &source)) {
         return ODIDCTL_NOT_GOOD;
     }
+    before = look_before(places); /* only now: a stick may take its time */
     installer = connect_installer(unattended);
     if (installer < 0) {
         close(source.fd);

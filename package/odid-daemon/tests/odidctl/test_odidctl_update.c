@@ -7,15 +7,22 @@
 
 #include <cmocka.h>
 
+#include <fcntl.h>
+
 #define ipc_inst_start_ext model_start
 #define ipc_end model_end
+#define open(...) model_open(__VA_ARGS__)
 #define armed_not_disarmed model_not_disarmed
+
+int model_open(const char *name, int flags);
+
 #include "odidctl/odidctl_update.c"
+#undef open
 #include "own_folder.h"
 
 /* ---- the models ---- */
 
-static bool armed, busy, takes;
+static bool armed, busy, takes, slow;
 static char info[512]; /* of the request */
 static unsigned started;
 
@@ -43,6 +50,16 @@ int model_start(void *request, ssize_t size)
     put("run/odid-appliance/" UPDATE_STATE_FILE, "{ \"state\": \"idle\" }\n");
     put("data/" UPDATE_RESULT_FILE, "{ \"sentence\": \"It isn't signed.\" }\n");
     return open("/dev/null", O_WRONLY | O_CLOEXEC);
+}
+
+/* A slow stick: meanwhile somebody else's is refused. */
+int model_open(const char *name, int flags)
+{
+    if (slow) {
+        put("data/" UPDATE_RESULT_FILE,
+            "{ \"outcome\": \"refused\", \"sentence\": \"Somebody else's.\" }\n");
+    }
+    return open(name, flags);
 }
 
 void model_end(int installer)
@@ -168,6 +185,19 @@ static void the_request_says_that_nobody_asked_for_it(void **state)
     switch_off_and_on();
 }
 
+static void what_is_refused_while_a_stick_is_opened_is_another_s(void **state)
+{
+    char identity[UPDATE_IDENTITY_SIZE];
+
+    (void)state;
+    put("run/odid-appliance/" UPDATE_STATE_FILE, "{ \"state\": \"idle\" }\n");
+    is_left_alone(29, identity);
+    takes = slow = true;
+    assert_int_equal(try_file(&places, "stick/odid.swu", "2", identity), ODIDCTL_GOOD);
+    takes = slow = false;
+    put("run/odid-appliance/" UPDATE_STATE_FILE, "{ \"state\": \"idle\" }\n");
+}
+
 static int in_a_folder(void **state)
 {
     (void)state;
@@ -180,6 +210,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_request_says_that_nobody_asked_for_it),
+        cmocka_unit_test(what_is_refused_while_a_stick_is_opened_is_another_s),
         cmocka_unit_test(the_last_eight_files_that_came_to_nothing_are_left_alone),
         cmocka_unit_test(one_that_was_written_is_left_alone_whatever_becomes_of_it),
         cmocka_unit_test(one_that_is_refused_at_once_counts_until_power_off),
