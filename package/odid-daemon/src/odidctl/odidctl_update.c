@@ -110,7 +110,7 @@ static void show_progress(struct json_object *state)
 
 /* How it was before the bundle was handed over, and what was seen since. */
 struct before {
-    ino_t result;
+    ino_t result; /* the last one that isn't the bundle's */
     bool waits;   /* for the restart, because of another bundle */
     bool written; /* the gate was passed, and the other slot is written */
 };
@@ -130,19 +130,36 @@ static struct before look_before(const struct places *places)
     return before;
 }
 
+/* There is a new result. What was handed over waits for the restart or is refused: any other
+ * outcome is of the one that was on trial meanwhile, and so is the restart, where that was rolled
+ * back. */
+static bool tell_refusal(const struct places *places, bool ended, struct before *before)
+{
+    ino_t number = result_number(places);
+    struct json_object *result = read_json(places->data, UPDATE_RESULT_FILE);
+    const char *outcome = text_of(result, "outcome");
+    bool refused = strcmp(outcome, "refused") == 0;
+
+    if (!refused) {
+        before->result = number;
+        before->waits = before->waits || strcmp(outcome, "rolled-back") == 0;
+    } else if (ended) {
+        printf("%s\n", text_of(result, "sentence"));
+    }
+    json_object_put(result);
+    return refused && ended;
+}
+
 /* Returns an exit code when it is over, -1 while it isn't. */
 static int look_whether_over(const struct places *places, struct before *before)
 {
-    struct json_object *state = read_json(places->state, UPDATE_STATE_FILE), *result;
+    struct json_object *state = read_json(places->state, UPDATE_STATE_FILE);
     bool ended = !is(state, "checking") && !is(state, "installing");
     int code = -1;
 
     show_progress(state);
     before->written = before->written || is(state, "installing");
-    if (ended && result_number(places) != before->result) {
-        result = read_json(places->data, UPDATE_RESULT_FILE);
-        printf("%s\n", text_of(result, "sentence"));
-        json_object_put(result);
+    if (result_number(places) != before->result && tell_refusal(places, ended, before)) {
         code = ODIDCTL_NOT_GOOD;
     } else if (is(state, "waiting-for-reboot") && !before->waits) {
         printf("%s\n\"odidctl update\" then says whether it was kept.\n",

@@ -1,5 +1,6 @@
-/* Which of a stick's files is tried again: what "odidctl update DIR" remembers. SWUpdate and the
- * service update are models. (Giving one to the real ones: tests/update.) */
+/* What becomes of a bundle that is handed over, and which of a stick's files is tried again: what
+ * "odidctl update DIR" remembers. SWUpdate and the service update are models. (Giving one to the
+ * real ones: tests/update.) */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -31,6 +32,22 @@ static void put(const char *path, const char *text)
     assert_int_equal(whole_file_replace(path, text, strlen(text), 0644), 0);
 }
 
+static void is_now(const char *state)
+{
+    char text[64];
+
+    snprintf(text, sizeof(text), "{ \"state\": \"%s\" }\n", state);
+    put("run/odid-appliance/" UPDATE_STATE_FILE, text);
+}
+
+static void end_as(const char *outcome)
+{
+    char text[96];
+
+    snprintf(text, sizeof(text), "{ \"outcome\": \"%s\", \"sentence\": \"It is.\" }\n", outcome);
+    put("data/" UPDATE_RESULT_FILE, text);
+}
+
 /* It refuses what it is given before it has read it, unless it takes it. */
 int model_start(void *request, ssize_t size)
 {
@@ -44,11 +61,11 @@ int model_start(void *request, ssize_t size)
         return -1;
     }
     if (takes) {
-        put("run/odid-appliance/" UPDATE_STATE_FILE, "{ \"state\": \"waiting-for-reboot\" }\n");
+        is_now("waiting-for-reboot");
         return open("/dev/null", O_WRONLY | O_CLOEXEC);
     }
-    put("run/odid-appliance/" UPDATE_STATE_FILE, "{ \"state\": \"idle\" }\n");
-    put("data/" UPDATE_RESULT_FILE, "{ \"sentence\": \"It isn't signed.\" }\n");
+    is_now("idle");
+    end_as("refused");
     return open("/dev/null", O_WRONLY | O_CLOEXEC);
 }
 
@@ -56,8 +73,7 @@ int model_start(void *request, ssize_t size)
 int model_open(const char *name, int flags)
 {
     if (slow) {
-        put("data/" UPDATE_RESULT_FILE,
-            "{ \"outcome\": \"refused\", \"sentence\": \"Somebody else's.\" }\n");
+        end_as("refused");
     }
     return open(name, flags);
 }
@@ -158,7 +174,7 @@ static void one_that_was_written_is_left_alone_whatever_becomes_of_it(void **sta
     takes = true;
     for (unsigned octets = 25; octets <= 26; octets++) {
         switch_off_and_on();
-        put("run/odid-appliance/" UPDATE_STATE_FILE, "{ \"state\": \"idle\" }\n");
+        is_now("idle");
         assert_false(is_left_alone(octets, identity));
         assert_int_equal(try_file(&places, "stick/odid.swu", "2", identity), ODIDCTL_GOOD);
     }
@@ -190,12 +206,53 @@ static void what_is_refused_while_a_stick_is_opened_is_another_s(void **state)
     char identity[UPDATE_IDENTITY_SIZE];
 
     (void)state;
-    put("run/odid-appliance/" UPDATE_STATE_FILE, "{ \"state\": \"idle\" }\n");
+    is_now("idle");
     is_left_alone(29, identity);
     takes = slow = true;
     assert_int_equal(try_file(&places, "stick/odid.swu", "2", identity), ODIDCTL_GOOD);
     takes = slow = false;
-    put("run/odid-appliance/" UPDATE_STATE_FILE, "{ \"state\": \"idle\" }\n");
+    is_now("idle");
+}
+
+/* "Version OLD is installed", it said of one that was given during OLD's trial, and that it failed;
+ * or it didn't give the rest of it. */
+static void what_becomes_of_a_trial_is_nothing_of_what_is_given_meanwhile(void **state)
+{
+    struct before before;
+
+    (void)state;
+    for (unsigned refused = 0; refused < 2; refused++) {
+        is_now("trial");
+        before = look_before(&places);
+        end_as("installed");
+        assert_int_equal(look_whether_over(&places, &before), -1);
+        is_now("checking");
+        assert_int_equal(look_whether_over(&places, &before), -1);
+        if (refused) {
+            end_as("refused");
+            assert_int_equal(look_whether_over(&places, &before), -1); /* not shown yet */
+            is_now("idle");
+            assert_int_equal(look_whether_over(&places, &before), ODIDCTL_NOT_GOOD);
+        } else {
+            is_now("waiting-for-reboot");
+            assert_int_equal(look_whether_over(&places, &before), ODIDCTL_GOOD);
+        }
+    }
+}
+
+/* The board waits for the restart into the slot before. */
+static void nor_is_the_restart_that_ends_a_trial(void **state)
+{
+    struct before before;
+
+    (void)state;
+    is_now("trial");
+    before = look_before(&places);
+    end_as("rolled-back");
+    is_now("waiting-for-reboot");
+    assert_int_equal(look_whether_over(&places, &before), -1);
+    end_as("refused");
+    assert_int_equal(look_whether_over(&places, &before), ODIDCTL_NOT_GOOD);
 }
 
 static int in_a_folder(void **state)
@@ -211,6 +268,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_request_says_that_nobody_asked_for_it),
         cmocka_unit_test(what_is_refused_while_a_stick_is_opened_is_another_s),
+        cmocka_unit_test(what_becomes_of_a_trial_is_nothing_of_what_is_given_meanwhile),
+        cmocka_unit_test(nor_is_the_restart_that_ends_a_trial),
         cmocka_unit_test(the_last_eight_files_that_came_to_nothing_are_left_alone),
         cmocka_unit_test(one_that_was_written_is_left_alone_whatever_becomes_of_it),
         cmocka_unit_test(one_that_is_refused_at_once_counts_until_power_off),
