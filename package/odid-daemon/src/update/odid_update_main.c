@@ -109,6 +109,10 @@ static void on_tick(void *context, int64_t now_us)
     if (self.beside && !undecided()) {
         begin_update(now_us); /* the other one was decided: now this one keeps the others out */
     }
+    if (self.report_due && self.update.state == UPDATE_IDLE) {
+        self.report_due = false;
+        service_end_installer(&self);
+    }
     loop_arm(&self.tick, now_us + SECOND_US);
 }
 

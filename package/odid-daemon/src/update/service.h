@@ -29,6 +29,7 @@ struct service {
     bool beside;     /* a bundle came while another update isn't decided: the gate refuses it */
     bool stopping;   /* it was told to end */
     bool ended;      /* SWUpdate was, by us */
+    bool report_due; /* by its hawkBit client, when it starts: it is ended once nothing goes on */
     bool passed;     /* the gate said yes to what is being installed */
     bool unattended; /* and nobody asked for that */
     enum update_source source;          /* of that */

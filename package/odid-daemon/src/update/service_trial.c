@@ -190,9 +190,7 @@ void service_commit(struct service *self, int64_t now_us)
     self->variables = variables;
     service_keep(self, UPDATE_INSTALLED, self->version, "Version %s is installed.", self->version);
     update_committed(&self->update, now_us);
-    if (update_hawkbit_is_asked()) { /* its client reports when it starts */
-        service_end_installer(self);
-    }
+    self->report_due = update_hawkbit_is_asked();
 }
 
 static void keep_reason(struct service *self)

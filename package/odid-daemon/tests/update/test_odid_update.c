@@ -464,6 +464,32 @@ static void one_that_began_in_a_trial_is_watched_when_that_is_over(void **state)
     }
 }
 
+/* Who gave it was told that SWUpdate ended. */
+static void a_server_is_told_of_its_update_when_no_other_one_comes_in(void **state)
+{
+    for (unsigned given_meanwhile = 0; given_meanwhile < 2; given_meanwhile++) {
+        setup(state);
+        slot_b_is_on_trial_from(UPDATE_SOURCE_SERVER);
+        put(HAWKBIT, "-u https://updates.example.org\n");
+        begin(true);
+        if (given_meanwhile) {
+            on_begins(now_us);
+            on_source(UPDATE_SOURCE_OTHER);
+        }
+        pass(25);
+        assert_int_equal(board.variables.slot, 'b');
+        assert_int_equal(board.report, UPDATE_REPORT_GOOD);
+        assert_int_equal(board.ended, !given_meanwhile);
+        if (given_meanwhile) {
+            assert_int_equal(self.update.state, UPDATE_CHECKING);
+            on_ends("HASH mismatch", now_us);
+        }
+        pass(5);
+        assert_int_equal(board.ended, 1);
+        assert_int_equal(board.report, UPDATE_REPORT_GOOD);
+    }
+}
+
 /* Before the trial is over. */
 static void one_that_was_refused_in_a_trial_is_over(void **state)
 {
@@ -936,6 +962,7 @@ int main(void)
         cmocka_unit_test_setup(a_server_that_offers_garbage_is_left_alone, setup),
         cmocka_unit_test_setup(one_that_is_begun_again_and_again_is_ended, setup),
         cmocka_unit_test_setup(one_that_began_in_a_trial_is_watched_when_that_is_over, setup),
+        cmocka_unit_test_setup(a_server_is_told_of_its_update_when_no_other_one_comes_in, setup),
         cmocka_unit_test_setup(one_that_was_refused_in_a_trial_is_over, setup),
         cmocka_unit_test_setup(one_that_comes_after_a_pretended_one_is_installed, setup),
         cmocka_unit_test_setup(one_that_is_called_off_before_the_gate_is_not_begun_again, setup),
