@@ -209,13 +209,17 @@ def test_a_modem_that_is_plugged_in_has_an_address_and_is_the_second_way_out(mak
     assert "10.9.8.2" in machine.must("ip route get 203.0.113.1")
     # But not to the ground station, unless it is said to be: whoever plugs it in would be in between.
     to_it = "chpst -u mavlink curl -s -m 2 http://10.9.8.2:14550/"      # any packet of that user's
-    dropped = "nft list chain inet odid output | sed -n 's/.*eth0.* packets \\([0-9]*\\).*/\\1/p'"
+    dropped = "nft list chain inet odid output | sed -n 's/.*oif != @way counter packets \\([0-9]*\\).*/\\1/p'"
+    way = "nft list set inet odid way"
+    assert '"eth0"' in machine.must(way)
     machine.run(to_it)
     assert int(machine.must(dropped)) > 0
     machine.must(f"odidctl set ground_station.interface {second}")
+    assert f'"{second}"' in machine.must(way) and '"eth0"' not in machine.must(way)
     machine.run(to_it)
-    assert f'oifname != "{second}" counter packets 0' in machine.must("nft list chain inet odid output")
+    assert int(machine.must(dropped)) == 0
     machine.qmp.command("device_del", id="modem")
     machine.wait_inside("the modem's end", f"sv status udhcpc-{second} | grep -q ^down:")
     assert not re.search("10.9.8", machine.must("ip route"))
+    machine.wait_inside("a filter that knows no way", f"! {way} | grep -q elements")
     machine.wait_on_air()
