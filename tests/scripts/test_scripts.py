@@ -469,6 +469,9 @@ def test_the_ground_station_s_interface_may_come_and_go(appliance):
     appliance.must("rm -r /sys/class/net/eth0 /sys/class/net/x")
     gone = event("remove", "eth0")
     assert gone.count("table inet odid {") == 1 and WAY not in gone
+    # A layer's program gives its interface that name.
+    appliance.write("sys/class/net/eth0/ifindex", "2\n")
+    assert WAY in event("move")
     # Before the filter is loaded at first it is nobody's to load: it looks itself.
     appliance.write("sys/class/net/eth0/ifindex", "2\n")
     appliance.must("rm /run/odid-appliance/firewall")
@@ -556,6 +559,31 @@ grep '^hostapd /run/hostapd' /proc/mounts >/mounted
     # Made for everybody, it took somebody else's socket in the moment before chmod.
     assert "mode=700" in mounted and "size=64k" in mounted and "nr_inodes=16" in mounted and "noexec" in mounted
     assert appliance.read("sys/fs/cgroup/hostapd/memory.max").strip() == str(24 << 20)
+
+
+def test_what_mdev_starts_makes_nothing_that_everybody_writes(appliance):
+    """mdev's umask is 0. Into the name of the port that had come back anybody wrote another one, with sed's words in it, for root."""
+    appliance.port("ttyACM0", "1-1", 0, **PIXHAWK)
+    appliance.write("data/odid/autopilot-port", ACM_NAME + "\n")
+    scripts = set(re.findall(r"[@*]/(lib/odid/[a-z-]+)", appliance.read("etc/mdev.conf")))
+    assert len(scripts) == 4
+    supervised(appliance)
+    appliance.must("mkdir -p /run/service/mavlink-router/supervise && mkfifo -m 600 /run/service/mavlink-router/supervise/control")
+    for script, device in {"device-network": "usb0", "device-autopilot": "ttyACM0"}.items():
+        (appliance.root / "sys/class/net/usb0/device").mkdir(parents=True, exist_ok=True)
+        appliance.run(f"umask 0; ACTION=add MDEV={device} /lib/odid/{script}")
+    assert appliance.exists("run/mavlink-router.back") and appliance.exists("run/service/udhcpc-usb0")
+    for script in scripts:
+        assert "\n. /lib/odid/functions\n" in appliance.read(script) or ">" not in appliance.read(script)
+    assert appliance.must("umask 0; . /lib/odid/functions; umask").strip() == "0022"
+    assert appliance.must("find /run ! -type l -perm /022").split() == []
+
+
+@pytest.mark.parametrize("back", ["/dev/ptmx", "/dev/ttyACM1|w/etc/owned", "/dev/null"])
+def test_only_a_port_that_is_one_comes_back(two_autopilots, back):
+    two_autopilots.write("run/mavlink-router.back", back + "\n")
+    search(two_autopilots, "echo /dev/ttyACM0")
+    assert "/dev/ttyACM0" in two_autopilots.read("began") and not two_autopilots.exists("etc/owned")
 
 
 def test_a_radio_s_interface_is_no_device_of_its_name(appliance):
