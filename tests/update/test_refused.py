@@ -366,7 +366,7 @@ def armed(grounded, logs):
 def unplugged(appliance):
     """Its cable is pulled: it flies on."""
     appliance.machine.unplug()
-    wait_for("lost", lambda: appliance.armed() is None)
+    wait_for("lost", lambda: appliance.machine.status()["aircraft"]["heartbeat"] is False)
 
 
 def test_armed_and_lost_while_armed(grounded, armed):
