@@ -53,6 +53,7 @@ def judged(machine, *arguments):
 def test_it_boots_and_all_five_messages_are_heard_on_each_channel(machine):
     console = machine.console_text()
     assert START in console and "odid.slot=a" in console
+    machine.wait_inside("what the programs say, in the log", "logread | grep -q 'info: odid-daemon .*, process '")
     judged(machine)
     heard = b"".join(one.data for channel in CHANNELS for one in machine.air.receptions(channel))
     assert b"SSRS5GBG01" in heard and b"SWE3jxza7qbzvu5d" in heard  # as the CONFIG volume says

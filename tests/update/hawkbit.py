@@ -55,6 +55,7 @@ class HawkBit:
         self.pause_s = self.downloads = 0               # before a bundle comes, as over LTE; how often one was asked for
         self.rate = None                                # octets a second of a bundle
         self.closes = False                             # each connection, after one answer
+        self.linked = None                              # another address than its own, where its links lead
         self._does = {"GET": self._root, "PUT configData": self._take_attributes,
                       "GET deploymentBase/{actionId}": self._deployment,
                       "POST deploymentBase/{actionId}/feedback": self._take_feedback,
@@ -152,16 +153,16 @@ class HawkBit:
         hours, rest = divmod(OFFERED_POLL_S if offered else self.poll_s, 3600)
         links = {}
         if not self.attributes:
-            links["configData"] = {"href": f"{self.url}{self.base}/configData"}
+            links["configData"] = {"href": f"{self.linked or self.url}{self.base}/configData"}
         if offered and self.cancelling:
-            links["cancelAction"] = {"href": f"{self.url}{self.base}/cancelAction/{self.action}"}
+            links["cancelAction"] = {"href": f"{self.linked or self.url}{self.base}/cancelAction/{self.action}"}
         elif offered:
-            links["deploymentBase"] = {"href": f"{self.url}{self.base}/deploymentBase/{self.action}?c=1"}
+            links["deploymentBase"] = {"href": f"{self.linked or self.url}{self.base}/deploymentBase/{self.action}?c=1"}
         return 200, {"config": {"polling": {"sleep": f"{hours:02}:{rest // 60:02}:{rest % 60:02}"}}, "_links": links}
 
     def _deployment(self, action):
         data = self.bundle.read_bytes()
-        href = f"{self.url}{self.base}/softwaremodules/{MODULE}/artifacts/{self.bundle.name}"
+        href = f"{self.linked or self.url}{self.base}/softwaremodules/{MODULE}/artifacts/{self.bundle.name}"
         when = {"download": self.download, "update": self.update} | ({"maintenanceWindow": self.window} if self.window else {})
         return 200, {"id": action, "deployment": when | {"chunks": [{
             "part": "os", "version": self.version, "name": "odid", "artifacts": [{

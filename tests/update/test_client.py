@@ -12,7 +12,7 @@ import time
 import patience
 import pytest
 
-from . import bundles, hawkbit
+from . import bundles, certificate, hawkbit
 from .appliance import wait_for
 from .server import GUEST_SEES
 
@@ -26,11 +26,17 @@ OCTETS = 16_000
 LIMIT_S = 15  # for an answer by its socket, and for its end
 
 
-@pytest.fixture
-def server(monkeypatch):
-    monkeypatch.setattr(hawkbit, "OFFERED_POLL_S", 1)
-    one = hawkbit.HawkBit("an-aircraft", poll_s=1)
+def hawkbit_server(tls=None):
+    one = hawkbit.HawkBit("an-aircraft", poll_s=1, tls=tls)
     one.url = one.url.replace(GUEST_SEES, "127.0.0.1")
+    return one
+
+
+@pytest.fixture
+def server(request, monkeypatch, tmp_path):
+    """With TLS where a test asks for it."""
+    monkeypatch.setattr(hawkbit, "OFFERED_POLL_S", 1)
+    one = hawkbit_server(certificate.make(tmp_path, "127.0.0.1") if getattr(request, "param", "") == "tls" else None)
     yield one
     one.stop()
 
@@ -52,6 +58,7 @@ def start(server, tmp_path):
 
     def start(ustate=""):
         end()
+        authority = f'cafile = "{tmp_path / "server.crt"}";' if server.url.startswith("https:") else ""
         variables = tmp_path / "variables"
         variables.write_text(f"upgrade_available=0\nustate={ustate}\n")
         subprocess.run(["mkenvimage", "-s", "0x4000", "-o", tmp_path / "environment", variables], check=True)
@@ -60,7 +67,7 @@ def start(server, tmp_path):
 globals: {{ public-key-file = "{bundles.KEYS / 'trusted.pem'}"; bootloader = "uboot"; loglevel = 4;
            fwenv-config-location = "{tmp_path / 'fw_env.config'}"; }};
 suricatta: {{ url = "{server.url}"; tenant = "{server.tenant}"; id = "{server.name}"; targettoken = "{server.token}";
-             userid = {os.getuid()}; groupid = {os.getgid()}; retry = 2; retrywait = 1; }};
+             {authority} userid = {os.getuid()}; groupid = {os.getgid()}; retry = 2; retrywait = 1; }};
 identify: ( {{ name = "version"; value = "1.0.0"; }} );
 """)
         with open(tmp_path / "log", "wb") as log:
@@ -204,6 +211,33 @@ def test_whose_a_complaint_is_is_said(server, start, no_bundle, tmp_path):
 MESSAGE_OCTETS = 3120
 MAGIC, REQ_INSTALL, ACK, GET_STATUS, NOTIFY_STREAM = 0x14052001, 0, 1, 3, 11
 API_VERSION, SOURCE_LOCAL = 1, 4
+
+
+@pytest.mark.parametrize("server", ["tls"], indirect=True)
+def test_a_server_with_tls_leads_nowhere_else(server, start, no_bundle):
+    """One that knows itself by http, behind a proxy, had its token shown, and its next answer taken, in the clear."""
+    plain = hawkbit_server()
+    try:
+        server.linked = plain.url
+        server.offer(67, no_bundle, OFFERED)
+        start()
+        more_polls(server)
+        assert plain.octets == 0 and not server.downloads
+        server.linked = None
+        wait_for("the report", lambda: server.outcome(67))
+        assert server.downloads and plain.octets == 0
+    finally:
+        plain.stop()
+
+
+def test_nobody_leaves_anything_at_who_only_speaks(start):
+    """What hawkBit's client tells by was a place for anybody's messages, with descriptors in them, as long as that one lived."""
+    start()
+    names = re.findall(r"@(Notify\d+)", open("/proc/net/unix", encoding="ascii").read())
+    assert names
+    for name in names:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as one, pytest.raises(BrokenPipeError):
+            one.sendto(b"x", b"\0" + name.encode().ljust(107, b"\0"))
 
 
 def connected(folder):

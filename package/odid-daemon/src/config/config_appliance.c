@@ -103,11 +103,12 @@ static bool is_ground_station(const char *text)
     }
     memcpy(host, text, length);
     host[length] = '\0';
-    if (text[length] == ':' && !config_whole_number(text + length + 1, UINT16_MAX, &port)) {
+    /* mavlink-router would take one that begins with 0 for octal. */
+    if (text[length] == ':' &&
+        (text[length + 1] == '0' || !config_whole_number(text + length + 1, UINT16_MAX, &port))) {
         return false;
     }
-    return port > 0 && inet_pton(AF_INET, host, &address) == 1 &&
-           is_another_host(ntohl(address.s_addr));
+    return inet_pton(AF_INET, host, &address) == 1 && is_another_host(ntohl(address.s_addr));
 }
 
 /* Numbers only: mavlink-router, which sends there, looks up no names. */

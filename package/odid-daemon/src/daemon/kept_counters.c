@@ -28,7 +28,11 @@ int kept_counters_open(const char *run_dir, struct kept_counters *counters)
 
     memset(counters, 0, sizeof(*counters));
     snprintf(path, sizeof(path), "%s/" KEPT_COUNTERS_FILE, run_dir);
-    fd = open(path, O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0644);
+    /* A file that somebody holds a lease on would be waited for, and the broadcast with it. */
+    fd = open(path, O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK, 0644);
+    if (fd < 0 && errno == EWOULDBLOCK && unlink(path) == 0) {
+        fd = open(path, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0644);
+    }
     if (fd < 0) {
         return -errno;
     }

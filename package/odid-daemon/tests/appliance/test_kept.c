@@ -7,7 +7,9 @@
 #include <cmocka.h>
 
 #include <errno.h>
+#include <fcntl.h>
 #include <math.h>
+#include <signal.h>
 #include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -303,6 +305,44 @@ static void counters_go_on(void **state)
     close(fd);
 }
 
+/* By somebody's descriptor of that file: the next daemon waited 45 s for it. */
+static void counters_that_somebody_holds_are_begun_anew(void **state)
+{
+    static const struct kept_counters none;
+    struct kept_counters out = some;
+    int fd, ready[2];
+    pid_t holder;
+    char octet;
+
+    (void)state;
+    fd = kept_counters_open(directory, &out);
+    assert_int_equal(kept_counters_write(fd, &some), 0);
+    close(fd);
+    assert_int_equal(pipe(ready), 0);
+    holder = fork();
+    if (holder == 0) {
+        fd = open(counters_path, O_RDONLY);
+        signal(SIGIO, SIG_IGN);
+        octet = fd >= 0 && fcntl(fd, F_SETLEASE, F_RDLCK) == 0 ? 'y' : 'n';
+        if (write(ready[1], &octet, 1) == 1) {
+            pause();
+        }
+        _exit(1);
+    }
+    assert_int_equal(read(ready[0], &octet, 1), 1);
+    assert_int_equal(octet, 'y');
+    alarm(30); /* it is given up after 45 s */
+    fd = kept_counters_open(directory, &out);
+    alarm(0);
+    assert_true(fd >= 0);
+    assert_same(&out, &none);
+    close(fd);
+    kill(holder, SIGKILL);
+    waitpid(holder, NULL, 0);
+    close(ready[0]);
+    close(ready[1]);
+}
+
 static void counters_of_half_a_file_begin_anew(void **state)
 {
     static const struct kept_counters none;
@@ -370,6 +410,7 @@ int main(void)
         cmocka_unit_test(no_name_is_followed),
         cmocka_unit_test(a_directory_that_is_gone_is_an_error),
         cmocka_unit_test(counters_go_on),
+        cmocka_unit_test(counters_that_somebody_holds_are_begun_anew),
         cmocka_unit_test(counters_of_half_a_file_begin_anew),
         cmocka_unit_test(counters_that_cannot_be_kept_begin_anew),
     };

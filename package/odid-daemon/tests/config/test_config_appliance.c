@@ -109,6 +109,7 @@ static void wrong_values(void **state)
         {"ground_station", "address", "255.255.255.255", NULL},
         {"ground_station", "address", "192.168.1.300", NULL},
         {"ground_station", "address", "192.168.1.20:0", NULL},
+        {"ground_station", "address", "192.168.1.20:08080", NULL},
         {"ground_station", "address", "192.168.1.20:65536", NULL},
         {"ground_station", "address", "192.168.1.20:", NULL},
         {"ground_station", "address", "192.168.1.20:14550:1", NULL},
