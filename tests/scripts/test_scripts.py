@@ -349,6 +349,14 @@ def test_a_port_that_comes_while_nobody_listens_is_begun_with_at_once(two_autopi
     assert two_autopilots.calls() == ["sv term mavlink-router", "sv up mavlink-router"]
 
 
+def test_a_device_that_does_not_answer_keeps_nobody_from_the_others(two_autopilots):
+    """The kernel has its texts wait for what else is done with it, and mdev, the router and its judge stood still for minutes."""
+    (product,) = [path for path in (two_autopilots.root / "sys").rglob("product") if path.read_text().startswith("FT232R")]
+    product.unlink()
+    os.mkfifo(product)
+    assert two_autopilots.must("/lib/odid/autopilot-port").split() == ["/dev/ttyACM1", "/dev/ttyACM0"]
+
+
 @pytest.mark.parametrize("wanted", ["usb:26ac:0011", "/dev/ttyAMA3", "/dev/serial/by-id/usb-Other-if00"])
 def test_a_port_that_is_not_there_is_not_replaced_by_another(two_autopilots, wanted):
     two_autopilots.settings(autopilot__device=wanted)
@@ -1068,6 +1076,25 @@ def test_what_is_asked_and_answered_by_a_cable_is_no_line_in_the_log_each_time(a
     appliance.must("mkdir -p /proc-sys/net/ipv4/conf/eth0 && cd /etc/sv/udhcpc && ./run")
     said = appliance.read("dev/kmsg")
     assert "odid: eth0 has the address 10.20.0.3/24" in said and "udhcpc" not in said
+
+
+@pytest.mark.parametrize("interface, armed, waits", [
+    ("usb1", "armed once 1", True), ("usb1", "disarmed once 1", False), ("usb0", "armed once 1", False)])
+def test_in_the_air_no_adapter_is_switched_on_but_the_ground_station_s(appliance, interface, armed, waits):
+    """One that answers nothing holds the kernel's network lock for minutes, and hostapd's beacons wait for that."""
+    appliance.settings(ground_station__interface="usb0")
+    appliance.write("armed", armed + "\n")
+    appliance.write("run/odid-appliance/firewall", "9\n")
+    appliance.write(f"sys/class/net/{interface}/ifindex", "9\n")
+    appliance.write("usr/bin/udhcpc", "#!/bin/sh\necho udhcpc >>/calls\n")
+    appliance.write("usr/bin/ip", NOTES)
+    for program in ("udhcpc", "ip"):
+        (appliance.root / "usr/bin" / program).chmod(0o755)
+    appliance.change("etc/sv/udhcpc/run", ("/proc/sys", "/proc-sys"), ("ip link", "/usr/bin/ip link"), ("exec udhcpc", "exec /usr/bin/udhcpc"),
+                     ("pause 2", "{ echo waits >>/calls; exit; }"))
+    appliance.must(f"mkdir -p /proc-sys/net/ipv4/conf/{interface} /run/service/udhcpc-{interface} && "
+                   f"cp /etc/sv/udhcpc/run /run/service/udhcpc-{interface}/ && cd /run/service/udhcpc-{interface} && ./run")
+    assert appliance.calls() == (["waits"] if waits else [f"ip link set {interface} up", "udhcpc"])
 
 
 def test_a_network_that_overlapped_is_asked_for_again_when_the_other_has_gone(appliance):

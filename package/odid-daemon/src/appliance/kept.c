@@ -153,7 +153,8 @@ static size_t show(const struct kept *kept, char text[TEXT_SIZE])
 /* Returns 0, or -errno. flags: beside O_WRONLY. */
 static int write_text(const char *path, int flags, const char *text, size_t length)
 {
-    int fd = open(path, O_WRONLY | O_NOFOLLOW | O_CLOEXEC | flags, 0644), result = 0;
+    /* Nobody's lease is waited for. */
+    int fd = open(path, O_WRONLY | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK | flags, 0644), result = 0;
 
     if (fd < 0) {
         return -errno;
