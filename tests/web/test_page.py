@@ -186,6 +186,12 @@ def test_an_old_position_is_said_to_be(browse, appliance):
     assert "2 min old" in browse().text("#aircraft-list")
 
 
+@pytest.mark.parametrize("speaks, state", [(True, "no HEARTBEAT from the autopilot"), (False, "no autopilot heard")])
+def test_an_autopilot_without_heartbeats_is_not_said_to_be_silent(browse, appliance, speaks, state):
+    appliance.status(aircraft__armed=None, aircraft__heartbeat=False, aircraft__speaks=speaks)
+    assert state in browse().text("#aircraft-list")
+
+
 @pytest.mark.parametrize("silence", ["gone", "hanging"])
 def test_no_daemon(browse, appliance, silence):
     browser = browse()

@@ -39,7 +39,6 @@ static inline void gather(void *context, struct status_snapshot *snapshot, int64
     snapshot->lateness = &lateness;
     snapshot->start_us = NOW - 90000000;
     snapshot->vehicle = 1;
-    snapshot->speaks = true;
     snapshot->config_file = UINT64_C(0x0123456789abcdef);
     while (snapshot->config_reports < 2 && sentences[snapshot->config_reports][0] != '\0') {
         snapshot->config_reports++;

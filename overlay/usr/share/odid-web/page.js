@@ -234,7 +234,8 @@ function showAircraft(daemon) {
   }
   rows.push(...row("Operator's place", place(operator),
     operator.location_type === "takeoff" && place(operator) ? { text: "the take-off place" } : { text: SAID_BY[operator.source] }));
-  rows.push(...row("State", aircraft.armed === null ? "no autopilot heard" : aircraft.armed ? "armed" : "disarmed"));
+  const unknown = aircraft.speaks ? "unknown: no HEARTBEAT from the autopilot" : "no autopilot heard";
+  rows.push(...row("State", aircraft.armed === null ? unknown : aircraft.armed ? "armed" : "disarmed"));
   fill($("aircraft-list"), ...rows);
 }
 

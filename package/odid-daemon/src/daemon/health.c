@@ -237,8 +237,11 @@ static void judge_link(struct health *health, const struct health_input *input)
         FAULT("autopilot-silent", link_advice(input), "autopilot is silent");
     } else if (!input->condition->heartbeat_fresh) {
         FAULT("autopilot-no-heartbeat",
-              "Bytes come, but no autopilot (component 1) speaks: check baud, and that it is set "
-              "to MAVLink.",
+              input->speaks
+                  ? "Its other messages come: look for what sets its HEARTBEAT's rate, or holds it "
+                    "back on the way."
+                  : "Bytes come, but no autopilot (component 1) speaks: check baud, and that it is "
+                    "set to MAVLink.",
               "no heartbeat from autopilot");
     }
 }

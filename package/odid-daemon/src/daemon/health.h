@@ -45,6 +45,7 @@ struct health_input {
     unsigned config_errors;     /* values that could not be used */
     bool filter_logging;        /* the system-call filter only logs */
     bool realtime;              /* real-time priority was granted */
+    bool speaks;                /* anything came of the autopilot, a moment ago */
     bool contradicted;          /* two sources speak as the autopilot */
     bool unheard;               /* the autopilot doesn't answer */
     bool signs;                 /* and signs its frames */

@@ -126,6 +126,7 @@ static void judge(struct health_input *input, struct health *health, struct airc
         .config_errors = self.options.errors,
         .filter_logging = self.options.seccomp_log,
         .realtime = self.realtime,
+        .speaks = telemetry_vehicle_speaks(self.telemetry, now_us),
         .contradicted = telemetry_contradicted(self.telemetry, now_us),
         .unheard = asking_unheard(&self.asking),
         .signs = telemetry_vehicle_signs(self.telemetry),
@@ -146,7 +147,6 @@ static void gather(void *context, struct status_snapshot *snapshot, int64_t now_
     snapshot->lateness = &self.lateness;
     snapshot->start_us = self.start_us;
     snapshot->vehicle = telemetry_vehicle(self.telemetry);
-    snapshot->speaks = telemetry_vehicle_speaks(self.telemetry, now_us);
     snapshot->config_file = self.options.file;
     snapshot->config_reports = self.options.reports;
     snapshot->config_report = (const char(*)[CONFIG_PROBLEM_SIZE])self.options.report;

@@ -34,7 +34,6 @@ struct status_snapshot {
     const struct status_lateness *lateness;
     int64_t start_us;
     uint8_t vehicle;
-    bool speaks;          /* anything came of its autopilot, a moment ago */
     uint64_t config_file; /* config_fingerprint of the configuration file */
     unsigned config_reports;
     const char (*config_report)[CONFIG_PROBLEM_SIZE]; /* the first sentences */

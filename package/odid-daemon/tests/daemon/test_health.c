@@ -188,6 +188,10 @@ static void link_states(void **state)
     assert_non_null(strstr(health.problem[0].advice, "udp_port"));
     fixture.link.state = LINK_ALIVE;
     expect_one(HEALTH_FAULT, "no heartbeat from autopilot");
+    assert_non_null(strstr(health.problem[0].advice, "Its other messages come"));
+    fixture.input.speaks = false;
+    expect_one(HEALTH_FAULT, "no heartbeat from autopilot");
+    assert_non_null(strstr(health.problem[0].advice, "no autopilot (component 1) speaks"));
 }
 
 static void positions(void **state)
