@@ -102,6 +102,8 @@ static void append_lacks(char sentence[FLIGHT_SENTENCE_SIZE], const struct recor
         const char *words;
     } lacks[] = {{RECORDER_POSITION, "without a position"},
                  {RECORDER_IDENTITY, "without a whole identity"},
+                 {RECORDER_FAILURE, "said Remote ID failure"},
+                 {RECORDER_EMERGENCY, "said an emergency"},
                  {RECORDER_SIMULATED, "simulated"},
                  {RECORDER_SOURCES, "two sources spoke"}};
     char lasted[32];

@@ -15,6 +15,8 @@ const char *recorder_kind_name(enum recorder_fault_kind kind)
         return "sources";
     case RECORDER_EMERGENCY:
         return "emergency";
+    case RECORDER_FAILURE:
+        return "failure";
     case RECORDER_SIMULATED:
         return "simulated";
     case RECORDER_UNDERVOLTAGE:

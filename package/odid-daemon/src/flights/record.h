@@ -20,7 +20,8 @@ enum recorder_fault_kind {
     RECORDER_POSITION,     /* none, or it stopped */
     RECORDER_IDENTITY,     /* no Basic ID, or no operator number */
     RECORDER_SOURCES,      /* two speak as the autopilot */
-    RECORDER_EMERGENCY,    /* declared, or measured */
+    RECORDER_EMERGENCY,    /* is broadcast, whoever says it */
+    RECORDER_FAILURE,      /* of the Remote ID system is broadcast, though there is a position */
     RECORDER_SIMULATED,    /* the autopilot says that it flies in a simulation */
     RECORDER_UNDERVOLTAGE, /* the board's supply */
     RECORDER_THROTTLED,    /* the processor is slowed down */

@@ -238,6 +238,7 @@ static void take_needs(struct recorder *recorder, const struct recorder_snapshot
     need(recorder, RECORDER_SOURCES, !snapshot->two_sources, DUE,
          "two sources speak as the autopilot");
     need(recorder, RECORDER_EMERGENCY, !snapshot->emergency, DUE, "an emergency is broadcast");
+    need(recorder, RECORDER_FAILURE, !snapshot->failure, DUE, "Remote ID failure is broadcast");
     need(recorder, RECORDER_SIMULATED, !snapshot->simulated, DUE,
          "the autopilot flies in a simulation");
 }

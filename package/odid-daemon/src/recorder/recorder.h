@@ -45,7 +45,7 @@ struct recorder_snapshot {
     struct recorder_channel_status channels[CHANNELS];
     bool armed_known, armed;
     bool two_sources; /* speak as the autopilot */
-    bool emergency, simulated;
+    bool emergency, failure, simulated;
     bool link, position, identity; /* as they should be */
     int64_t unix_us;               /* UTC by the autopilot; 0 when unknown */
     struct recorder_board board;

@@ -49,6 +49,7 @@ void recorder_snapshot(struct recorder_snapshot *snapshot, struct json_object *s
 {
     struct json_object *armed = recorder_json_find(status, "aircraft.armed");
     struct json_object *ids = recorder_json_find(status, "identity.basic_ids");
+    const char *broadcast = recorder_json_text(status, "position.status", "");
     char path[32];
 
     now_us = made_us(status, now_us);
@@ -66,7 +67,9 @@ void recorder_snapshot(struct recorder_snapshot *snapshot, struct json_object *s
     snapshot->identity = json_object_is_type(ids, json_type_array) &&
                          json_object_array_length(ids) > 0 &&
                          recorder_json_find(status, "identity.operator_id.operator_id") != NULL;
-    snapshot->emergency = recorder_json_true(status, "aircraft.emergency");
+    snapshot->emergency = strcmp(broadcast, "emergency") == 0;
+    /* Without a position it is said as well: that is that fault, and not two. */
+    snapshot->failure = snapshot->position && strcmp(broadcast, "remote ID system failure") == 0;
     snapshot->simulated = recorder_json_true(status, "aircraft.simulated");
     snapshot->two_sources = recorder_json_true(status, "mavlink.contradicted");
     snapshot->unix_us = recorder_json_utc_us(status, "time.utc");

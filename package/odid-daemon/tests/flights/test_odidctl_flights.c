@@ -435,6 +435,26 @@ static void what_was_sent_of_a_simulation_is_in_the_verdict(void **state)
         "10 s\n");
 }
 
+/* Every receiver showed a failure, and then an emergency, of a flight that passed for a good one.
+ */
+static void what_every_receiver_was_told_is_in_the_verdict(void **state)
+{
+    (void)state;
+    take_off();
+    bench.snapshot.failure = true;
+    pass(12);
+    bench.snapshot.failure = false;
+    bench.snapshot.emergency = true;
+    pass(20);
+    bench.snapshot.emergency = false;
+    land();
+    end();
+    put_record(7, 0);
+    assert_int_equal(show("7", "", false), 0);
+    expect("Flight record 7: on the air the whole flight, said Remote ID failure for 12 s, said an "
+           "emergency for 20 s\n");
+}
+
 /* Whoever has taken the recorder over writes on no technician's terminal. */
 static void a_record_moves_no_cursor(void **state)
 {
@@ -568,6 +588,7 @@ int main(void)
         TEST(one_in_detail),
         TEST(what_nobody_looked_at_is_in_the_verdict),
         TEST(what_was_sent_of_a_simulation_is_in_the_verdict),
+        TEST(what_every_receiver_was_told_is_in_the_verdict),
         TEST(a_record_moves_no_cursor),
         TEST(months_in_detail),
         TEST(as_json),

@@ -390,6 +390,20 @@ static void an_emergency_and_a_simulation_are_recorded(void **state)
                 "\"text\":\"the autopilot flies in a simulation\"}");
 }
 
+static void a_failure_that_is_broadcast_is_recorded(void **state)
+{
+    (void)state;
+    take_off();
+    bench.snapshot.failure = true;
+    pass(1);
+    bench.snapshot.failure = false;
+    pass(1);
+    look();
+    expect_line("\"event\":\"fault\",\"what\":\"failure\","
+                "\"text\":\"Remote ID failure is broadcast\"}");
+    assert_int_equal(bench.flight.totals.fault_us[RECORDER_FAILURE], SECOND);
+}
+
 static void supply_faults(void **state)
 {
     (void)state;
@@ -633,6 +647,7 @@ int main(void)
         TEST(a_link_that_was_lost_leaves_it_armed),
         TEST(a_channel_that_never_comes_is_a_fault_after_a_while),
         TEST(an_emergency_and_a_simulation_are_recorded),
+        TEST(a_failure_that_is_broadcast_is_recorded),
         TEST(supply_faults),
         TEST(faults_of_the_appliance),
         TEST(a_clock_that_becomes_known_in_flight),

@@ -119,6 +119,24 @@ static void a_link_without_heartbeat_is_none(void **state)
     assert_false(snapshot.identity);
 }
 
+/* Whoever says it: aircraft.emergency isn't true of an autopilot's native status. A failure that is
+ * a missing position's is that fault alone. */
+static void what_is_broadcast_counts(void **state)
+{
+    (void)state;
+    fixture.view.location.status = AIRCRAFT_EMERGENCY;
+    take_fixture();
+    assert_true(snapshot.emergency);
+    assert_false(snapshot.failure);
+    fixture.view.location.status = AIRCRAFT_REMOTE_ID_FAILURE;
+    take_fixture();
+    assert_true(snapshot.failure && snapshot.position);
+    assert_false(snapshot.emergency);
+    fixture.view.location.position_fresh = false;
+    take_fixture();
+    assert_false(snapshot.failure || snapshot.position);
+}
+
 /* A daemon that was taken over said once that it will be on the air in eleven days, and no silence
  * counted until then. */
 static void nothing_was_in_the_future(void **state)
@@ -228,6 +246,7 @@ int main(void)
         TEST(an_answer_of_a_moment_ago_tells_of_that_moment),
         TEST(nothing_is_well),
         TEST(a_link_without_heartbeat_is_none),
+        TEST(what_is_broadcast_counts),
         TEST(nothing_was_in_the_future),
         TEST(something_else),
         TEST(asking_the_daemon),
