@@ -230,7 +230,8 @@ static void take_needs(struct recorder *recorder, const struct recorder_snapshot
         recorder->seen[RECORDER_CHANNEL + channel] &= required;
     }
     need_of_daemon(recorder, RECORDER_LINK, snapshot->link, in_flight,
-                   "nothing is heard from the autopilot");
+                   snapshot->speaks ? "no HEARTBEAT from the autopilot"
+                                    : "nothing is heard from the autopilot");
     need_of_daemon(recorder, RECORDER_POSITION, snapshot->position, in_flight,
                    "no position from the autopilot");
     need_of_daemon(recorder, RECORDER_IDENTITY, snapshot->identity, started,

@@ -47,6 +47,7 @@ struct recorder_snapshot {
     bool two_sources; /* speak as the autopilot */
     bool emergency, failure, simulated;
     bool link, position, identity; /* as they should be */
+    bool speaks;                   /* the autopilot does, with its HEARTBEAT or without */
     int64_t unix_us;               /* UTC by the autopilot; 0 when unknown */
     struct recorder_board board;
 };

@@ -358,6 +358,22 @@ static void a_link_that_was_lost_leaves_it_armed(void **state)
     NEAR(bench.flight.totals.fault_us[RECORDER_LINK], 29 * SECOND);
 }
 
+/* Positions went on, and the record said that nothing was heard. */
+static void a_missing_heartbeat_is_not_called_silence(void **state)
+{
+    (void)state;
+    take_off();
+    bench.snapshot.link = false;
+    bench.snapshot.speaks = true;
+    pass(1);
+    expect_line("\"what\":\"link\",\"text\":\"no HEARTBEAT from the autopilot\"}");
+    bench.snapshot.link = true;
+    pass(1);
+    bench.snapshot.link = bench.snapshot.speaks = false;
+    pass(1);
+    expect_line("\"what\":\"link\",\"text\":\"nothing is heard from the autopilot\"}");
+}
+
 static void a_channel_that_never_comes_is_a_fault_after_a_while(void **state)
 {
     (void)state;
@@ -645,6 +661,7 @@ int main(void)
         TEST(what_never_was_there_is_no_fault_on_the_ground),
         TEST(armed_without_a_position_is_one),
         TEST(a_link_that_was_lost_leaves_it_armed),
+        TEST(a_missing_heartbeat_is_not_called_silence),
         TEST(a_channel_that_never_comes_is_a_fault_after_a_while),
         TEST(an_emergency_and_a_simulation_are_recorded),
         TEST(a_failure_that_is_broadcast_is_recorded),

@@ -112,6 +112,10 @@ static void a_link_without_heartbeat_is_none(void **state)
     fixture.condition.heartbeat_fresh = false;
     take_fixture();
     assert_false(snapshot.link);
+    assert_true(snapshot.speaks);
+    fixture.input.speaks = false;
+    take_fixture();
+    assert_false(snapshot.speaks);
     fixture.condition.heartbeat_fresh = true;
     fixture.view.basic_ids = 0;
     take_fixture();
