@@ -14,6 +14,8 @@ import rootcanal.binaries
 
 from . import realtime
 
+STARTED_S = patience.LIMIT_S / 3  # of five tries
+
 
 def free_ports(count):
     sockets = [socket.socket() for _ in range(count)]
@@ -41,7 +43,7 @@ class Rootcanal:
 
     def __init__(self, log_path):
         self.log_path, tries = Path(log_path), 5
-        # A port that was free a moment ago may be somebody's by the time that it is asked for.
+        # A port that was free a moment ago may be somebody's by the time that it is asked for: it ends then, or goes on without.
         while not self._started():
             tries -= 1
             if not tries:
@@ -58,8 +60,13 @@ class Rootcanal:
             env={**os.environ, "LD_LIBRARY_PATH": str(program.parent)},
             cwd=self.log_path.parent, stdin=subprocess.DEVNULL, stdout=self._log,
             stderr=subprocess.STDOUT)
-        patience.wait_for(f"rootcanal on port {self.hci_port}; its log: {self.log_path}",
-                          lambda: self.process.poll() is not None or all(map(is_listening, ports)), every_s=0.05)
+        try:
+            patience.wait_for(f"rootcanal on ports {ports}; its log: {self.log_path}",
+                              lambda: self.process.poll() is not None or all(map(is_listening, ports)),
+                              every_s=0.05, limit_s=STARTED_S)
+        except TimeoutError:  # it goes on without the port that it didn't get
+            self.process.kill()
+            self.process.wait()
         if self.process.poll() is None:
             return True
         self._log.close()

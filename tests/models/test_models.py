@@ -14,7 +14,7 @@ import parts
 import patience
 import pytest
 
-from . import air, hostapd, realtime, tlog
+from . import air, controller, hostapd, realtime, tlog
 from .controller import Rootcanal
 from .flight import UNDULATION_M, write_flight
 from .front import Packets
@@ -67,6 +67,25 @@ class Host:
 
     def close(self):
         os.close(self.fd)
+
+
+@pytest.mark.parametrize("taken", range(4))
+def test_a_port_that_somebody_took_meanwhile_is_not_waited_for(short_folder, monkeypatch, taken):
+    """rootcanal went on without it, and a gate was red."""
+    free_ports, tries = controller.free_ports, []
+
+    def ports(count):
+        found = free_ports(count)
+        if not tries:
+            found[taken] = holder.getsockname()[1]
+        tries.append(found)
+        return found
+    monkeypatch.setattr(controller, "STARTED_S", 2)
+    monkeypatch.setattr(controller, "free_ports", ports)
+    with socket.socket() as holder:
+        holder.bind(("127.0.0.1", 0))
+        Rootcanal(short_folder / "rootcanal.log").stop()
+    assert len(tries) == 2
 
 
 @pytest.fixture
