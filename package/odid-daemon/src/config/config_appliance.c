@@ -92,7 +92,7 @@ static bool is_ground_station(const char *text)
 {
     char host[16];
     size_t length = strcspn(text, ":");
-    unsigned long port = 1;
+    unsigned long port;
     struct in_addr address;
 
     if (text[0] == '\0') {

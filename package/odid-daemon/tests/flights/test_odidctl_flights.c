@@ -365,6 +365,13 @@ static void it_may_have_flown_when_nobody_said_that_it_did_not(void **state)
 
 /* ---- one in detail ---- */
 
+static void end_and_show(void)
+{
+    end();
+    put_record(7, 0);
+    assert_int_equal(show("7", "", false), 0);
+}
+
 static void one_in_detail(void **state)
 {
     (void)state;
@@ -377,9 +384,7 @@ static void one_in_detail(void **state)
     bench.snapshot.daemon_start_us = bench.now_us;
     pass(1);
     land();
-    end();
-    put_record(7, 0);
-    assert_int_equal(show("7", "", false), 0);
+    end_and_show();
     expect("Flight record 7: on the air the whole flight, without a position for 10 s, the daemon "
            "started again 1 time\n");
     expect("Power-on     2026-01-02T03:03:50Z, recorded from 3.0 s after it\n");
@@ -405,9 +410,7 @@ static void what_nobody_looked_at_is_in_the_verdict(void **state)
     (void)state;
     take_off();
     pass_us(7 * SECOND);
-    end();
-    put_record(7, 0);
-    assert_int_equal(show("7", "", false), 0);
+    end_and_show();
     expect(
         "Flight record 7: on the air the whole flight, unwatched for 7.0 s, the record ends while "
         "armed\n");
@@ -427,9 +430,7 @@ static void what_was_sent_of_a_simulation_is_in_the_verdict(void **state)
     land();
     bench.snapshot.two_sources = true; /* on the ground it is nobody's flight */
     pass(10);
-    end();
-    put_record(7, 0);
-    assert_int_equal(show("7", "", false), 0);
+    end_and_show();
     expect(
         "Flight record 7: on the air the whole flight, simulated for 40 s, two sources spoke for "
         "10 s\n");
@@ -448,9 +449,7 @@ static void what_every_receiver_was_told_is_in_the_verdict(void **state)
     pass(20);
     bench.snapshot.emergency = false;
     land();
-    end();
-    put_record(7, 0);
-    assert_int_equal(show("7", "", false), 0);
+    end_and_show();
     expect("Flight record 7: on the air the whole flight, said Remote ID failure for 12 s, said an "
            "emergency for 20 s\n");
 }
