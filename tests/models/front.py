@@ -224,19 +224,20 @@ class Front:
         self.controller.sendall(bytes([COMMAND]) + command)
 
     def obey(self, words):
-        match words:
-            case ["inject", text]:
-                self.inject(text)
-            case ["mute"] | ["unmute"]:
-                self.muted = words[0] == "mute"
-            case ["unplug"]:
-                self.unplug()
-            case ["plug"]:
-                self.plug()
-            case ["refuse", opcode, status]:
-                self.refusals[int(opcode, 16)] = int(status, 16)
-            case _:
-                raise ValueError(f"unknown order {' '.join(words)!r}")
+        order, *values = words or [""]
+        if order == "inject" and len(values) == 1:
+            self.inject(*values)
+        elif words in (["mute"], ["unmute"]):
+            self.muted = order == "mute"
+        elif words == ["unplug"]:
+            self.unplug()
+        elif words == ["plug"]:
+            self.plug()
+        elif order == "refuse" and len(values) == 2:
+            opcode, status = values
+            self.refusals[int(opcode, 16)] = int(status, 16)
+        else:
+            raise ValueError(f"unknown order {' '.join(words)!r}")
 
     def on_order(self):
         if not self.orders.take():

@@ -104,36 +104,35 @@ class ControlInterface:
         return "OK\n"
 
     def answer(self, request):
-        match request.split(" ", 2):
-            case ["PING"]:
-                return "PONG\n"
-            case ["STATUS"]:
-                return self.status()
-            case ["SET", "vendor_elements", text]:
-                return self.set_elements(text)
-            case ["SET", *_]:
-                return "FAIL\n"  # no other variable is modelled
-            case ["UPDATE_BEACON"]:
-                if not self.enabled:
-                    return "FAIL\n"
-                self.active = self.given
-                return "OK\n"
+        command, *words = request.split(" ", 2)
+        if request == "PING":
+            return "PONG\n"
+        if request == "STATUS":
+            return self.status()
+        if command == "SET":
+            variable, *text = words or [""]
+            return self.set_elements(*text) if variable == "vendor_elements" and text else "FAIL\n"  # no other one is modelled
+        if request == "UPDATE_BEACON":
+            if not self.enabled:
+                return "FAIL\n"
+            self.active = self.given
+            return "OK\n"
         return "UNKNOWN COMMAND\n"
 
     def obey(self, words):
-        match words:
-            case ["fail", count]:
-                self.fail = int(count)
-            case ["mute"] | ["unmute"]:
-                self.muted = words[0] == "mute"
-            case ["disabled"] | ["enabled"]:
-                self.enabled = words[0] == "enabled"
-            case ["delay", delay_ms]:
-                self.delay_s = float(delay_ms) / 1000
-            case ["forget"]:
-                self.given = self.active = b""
-            case _:
-                raise ValueError(f"unknown order {' '.join(words)!r}")
+        order, *values = words or [""]
+        if order == "fail" and len(values) == 1:
+            self.fail = int(*values)
+        elif words in (["mute"], ["unmute"]):
+            self.muted = order == "mute"
+        elif words in (["disabled"], ["enabled"]):
+            self.enabled = order == "enabled"
+        elif order == "delay" and len(values) == 1:
+            self.delay_s = float(*values) / 1000
+        elif words == ["forget"]:
+            self.given = self.active = b""
+        else:
+            raise ValueError(f"unknown order {' '.join(words)!r}")
 
 
 class Hostapd(ControlInterface):

@@ -204,13 +204,12 @@ class Player:
         self.orders, self.has_orders = Orders(self.obey), True
 
     def obey(self, words):
-        match words:
-            case ["pause"] | ["resume"]:
-                self.paused = words[0] == "pause"
-            case ["unplug"] | ["plug"] if isinstance(self.end, Serial):
-                getattr(self.end, words[0])()
-            case _:
-                raise ValueError(f"unknown order {' '.join(words)!r}")
+        if words in (["pause"], ["resume"]):
+            self.paused = words == ["pause"]
+        elif words in (["unplug"], ["plug"]) and isinstance(self.end, Serial):
+            getattr(self.end, *words)()
+        else:
+            raise ValueError(f"unknown order {' '.join(words)!r}")
 
     def on_order(self):
         self.has_orders = self.orders.take()

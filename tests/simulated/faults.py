@@ -1,5 +1,7 @@
 """What is done to a flight: whom it takes off the air, for how long, and how soon everything is there again."""
 
+from __future__ import annotations
+
 import math
 from collections import namedtuple
 from collections.abc import Callable

@@ -1,7 +1,11 @@
 """Ten hours of flights through random faults, and those that once broke a law."""
 
 import ast
+import re
+import subprocess
 
+import parts
+import patience
 import pytest
 
 from . import random_flights
@@ -58,6 +62,15 @@ def test_what_failed_once_holds(seed, words, tmp_path):
     what = random_flights.planned(*words)
     broken, _, _ = random_flights.fly(seed, FLIGHT_S, what, tmp_path / "flight")
     assert broken == []
+
+
+def test_a_flight_is_the_same_octets_by_another_python():
+    def heard(*words):
+        said = subprocess.run(["env", "-u", "MAKEFLAGS", "make", "simulate", "SEEDS=1-2", "MINUTES=1", "JOBS=1", *words],
+                              cwd=parts.ROOT, stdout=subprocess.PIPE, text=True, timeout=patience.LIMIT_S)
+        assert said.returncode == 0, said.stdout
+        return re.search(r"2 flights.* 0 broke a law; what was heard: (\w+)$", said.stdout)[1]
+    assert heard() == heard("PYPY=pypy3")
 
 
 def test_a_flight_is_written_as_it_is_kept():
