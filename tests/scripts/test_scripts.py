@@ -90,7 +90,7 @@ FTDI_NAME = "usb-FTDI_FT232R_USB_UART_A50285BI-if00-port0"
 
 
 @pytest.mark.parametrize("wanted, ports", [
-    ("auto", ["/dev/ttyACM1", "/dev/ttyACM0", "/dev/ttyUSB0"]),
+    ("auto", ["/dev/ttyACM1", "/dev/ttyUSB0", "/dev/ttyACM0"]),
     ("usb:0403:6001", ["/dev/ttyUSB0"]),
     ("usb:1209:5741", ["/dev/ttyACM1", "/dev/ttyACM0"]),
     ("/dev/serial/by-id/usb-ArduPilot_Pixhawk__1__3E_00-if02", ["/dev/ttyACM0"]),
@@ -100,6 +100,14 @@ FTDI_NAME = "usb-FTDI_FT232R_USB_UART_A50285BI-if00-port0"
 def test_the_ports_are_found(two_autopilots, wanted, ports):
     two_autopilots.settings(autopilot__device=wanted)
     assert two_autopilots.must("/lib/odid/autopilot-port").split() == ports
+
+
+def test_a_device_with_many_ports_keeps_no_other_off_the_list(two_autopilots):
+    """As many are listened to as odidctl takes; one device's were all of them, where it was plugged in before the autopilot's place."""
+    for interface in range(0, 26, 2):
+        two_autopilots.port(f"ttyACM{interface + 2}", "1-0", interface, idVendor="1209", idProduct="0001")
+    ports = two_autopilots.must("/lib/odid/autopilot-port").split()
+    assert ports[:3] == ["/dev/ttyACM2", "/dev/ttyACM1", "/dev/ttyUSB0"] and len(ports) == 9
 
 
 def test_the_port_that_had_an_autopilot_is_the_first(two_autopilots):
@@ -144,7 +152,7 @@ def test_who_looks_for_the_autopilot_has_limits_and_is_ended(two_autopilots):
                            "{ sleep 1000 & echo $! >/left; }; echo /dev/ttyACM0")
     left = two_autopilots.read("left")
     os.kill(int(left), signal.SIGKILL)  # the kernel's work, by the group
-    assert two_autopilots.read("limits").split() == ["16", str(32 << 20), "64"]
+    assert two_autopilots.read("limits").split() == ["32", str(32 << 20), "64"]
     assert two_autopilots.read(f"{group}/cgroup.kill").strip() == "1" and "/dev/ttyACM0" in two_autopilots.read("began")
 
 
@@ -154,6 +162,20 @@ def test_who_never_ends_looking_for_the_autopilot_is_ended(two_autopilots, findi
     search(two_autopilots, finding)
     assert "No autopilot is heard" in two_autopilots.fault("autopilot") and not two_autopilots.exists("began")
     assert (two_autopilots.root / "run/mavlink-router.found").stat().st_size <= 4096
+
+
+def test_where_listening_takes_too_long_the_one_that_had_the_autopilot_last_is_taken(two_autopilots):
+    two_autopilots.write("data/odid/autopilot-port", FTDI_NAME + "\n")
+    two_autopilots.change("etc/sv/mavlink-router/run", ("-s KILL 10", "-s KILL 1"))
+    search(two_autopilots, "exec sleep 1000")
+    assert "/dev/ttyUSB0" in two_autopilots.read("began") and two_autopilots.fault("autopilot") is None
+
+
+def test_what_a_device_keeps_in_the_kernel_holds_the_service_s_start_for_a_moment_only(two_autopilots):
+    """It is in the group still when the autopilot is found: who listens to a device that doesn't answer can't be ended."""
+    two_autopilots.change("lib/odid/functions", ('while read -r left', 'while echo 7 >"$group/cgroup.procs"; read -r left'))
+    search(two_autopilots, "echo /dev/ttyACM0")
+    assert "/dev/ttyACM0" in two_autopilots.read("began") and two_autopilots.fault("group-mavlink-router") is None
 
 
 def test_what_an_earlier_start_left_is_ended_and_the_next_one_has_limits(appliance):

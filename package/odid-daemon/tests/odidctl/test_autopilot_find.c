@@ -7,10 +7,14 @@
 #include <cmocka.h>
 
 #include <errno.h>
+#include <fcntl.h>
 #include <poll.h>
 #include <pthread.h>
 #include <stdbool.h>
 #include <sys/ioctl.h>
+#include <sys/mman.h>
+#include <sys/syscall.h>
+#include <termios.h>
 #include <unistd.h>
 
 #include "base/loop.h"
@@ -36,6 +40,39 @@ static struct script {
     unsigned every_ms; /* 0: silent */
 } scripts[PORTS];
 static volatile bool over;
+
+/* The kernel waits for a device that doesn't answer: here until the test is over. */
+#define ANSWER_MS 20000
+static const char *stuck;  /* the path of one that doesn't when it is opened; NULL: none */
+static bool slow_to_close; /* none does when it is closed */
+static int answer[2];
+static volatile bool *waited; /* as long as that; all processes' */
+
+static void wait_for_the_device(void)
+{
+    struct pollfd waiting = {.fd = answer[0], .events = POLLIN};
+
+    if (poll(&waiting, 1, ANSWER_MS) == 0) {
+        *waited = true;
+    }
+}
+
+/* The C library's. */
+int open(const char *path, int flags, ...)
+{
+    if (stuck != NULL && strcmp(path, stuck) == 0) {
+        wait_for_the_device();
+    }
+    return (int)syscall(SYS_openat, AT_FDCWD, path, flags, 0600);
+}
+
+int tcflush(int fd, int queue)
+{
+    if (slow_to_close) {
+        wait_for_the_device();
+    }
+    return ioctl(fd, TCFLSH, queue);
+}
 
 static struct frame heartbeat(uint8_t system, uint8_t component)
 {
@@ -64,6 +101,8 @@ static int set_up(void **state)
 {
     (void)state;
     over = false;
+    stuck = NULL;
+    slow_to_close = false;
     memset(scripts, 0, sizeof(scripts));
     for (unsigned i = 0; i < PORTS; i++) {
         pty_make_path(bench.path[i], "port");
@@ -185,6 +224,24 @@ static void test_unplugged_ports_end_it(void **state)
     assert_true(in_time(loop_now_us() - begun_us, 0, 1000000));
 }
 
+/* One such adapter kept the autopilot from being found for as long as it was plugged in. */
+static void test_a_device_that_does_not_answer_holds_nobody_up(void **state)
+{
+    (void)state;
+    assert_int_equal(pipe(answer), 0);
+    waited = mmap(NULL, sizeof(*waited), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    assert_ptr_not_equal(waited, MAP_FAILED);
+    stuck = bench.path[0];
+    slow_to_close = true;
+    scripts[2] = (struct script){heartbeat(1, MAV_COMP_ID_AUTOPILOT1), 200};
+    begin();
+    assert_int_equal(find(10), 2);
+    assert_false(*waited);
+    assert_int_equal(write(answer[1], "", 1), 1);
+    close(answer[0]);
+    close(answer[1]);
+}
+
 static void test_it_ends_when_nobody_wants_to_know_any_more(void **state)
 {
     int64_t begun_us = loop_now_us();
@@ -209,6 +266,7 @@ int main(void)
         TEST(test_all_are_spoken_to),
         TEST(test_what_nobody_takes_is_thrown_away),
         TEST(test_unplugged_ports_end_it),
+        TEST(test_a_device_that_does_not_answer_holds_nobody_up),
         TEST(test_it_ends_when_nobody_wants_to_know_any_more),
     };
 
