@@ -653,6 +653,23 @@ def test_not_more_adapters_are_served_than_a_board_has(appliance):
     assert "isn't served" in appliance.fault("adapters")
 
 
+@pytest.mark.parametrize("chip", ["", "echo $$ >/waits; exec sleep 1000"])
+def test_the_board_s_own_bluetooth_is_there_before_a_dongle_s_driver_is_loaded(appliance, chip):
+    """Who is there first is hci0: a dongle that was plugged in had the name, and the board's own wasn't used. Nor does one that doesn't
+    answer keep mdev from its devices."""
+    appliance.must("mkdir -p /lib/modules/$(uname -r)")
+    appliance.write("sys/bus/serial/devices/serial0-0/modalias", "of:NbluetoothT(null)Cbrcm,bcm43438-bt\n")
+    appliance.write("sys/bus/usb/devices/1-1:1.0/modalias", "usb:v0A12p0001d8891dcE0dsc01dp01icE0isc01ip01in00\n")
+    for path, text in {"usr/bin/modprobe": NOTES + chip + "\n", "usr/bin/mdev": NOTES, "lib/odid/coldplug": "#!/bin/sh\n"}.items():
+        appliance.write(path, text)
+        (appliance.root / path).chmod(0o755)
+    appliance.change("etc/sv/mdev/run", ("modprobe -a", "/usr/bin/modprobe -a"), ("exec mdev", "exec /usr/bin/mdev"))  # BusyBox has its own
+    appliance.must("/etc/sv/mdev/run")
+    if chip:
+        os.kill(int(appliance.read("waits")), signal.SIGKILL)
+    assert appliance.calls() == ["modprobe -a -b -q of:NbluetoothT(null)Cbrcm,bcm43438-bt", "mdev -df"]
+
+
 def test_only_the_daemon_blocks_and_unblocks_radios(appliance):
     """hostapd blocked Bluetooth again each time that the daemon had unblocked it."""
     (rights,) = re.findall(r"^rfkill\s+(\S+ \S+)$", appliance.read("etc/mdev.conf"), re.M)
