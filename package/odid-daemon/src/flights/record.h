@@ -10,7 +10,7 @@
 #define RECORDER_LINE_SIZE 1280
 #define RECORDER_NAME_SIZE 32
 #define RECORDER_TEXT_SIZE 160
-#define RECORDER_BOARD_FAULTS 12
+#define RECORDER_BOARD_FAULTS 24
 
 /* The kinds of faults; behind them a place for each of the appliance's own. */
 enum recorder_fault_kind {

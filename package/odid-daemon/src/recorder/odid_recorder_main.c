@@ -82,7 +82,7 @@ static void take_snapshot(struct recorder_snapshot *snapshot)
     } else {
         explain(snapshot->text, length < 0 ? (int)-length : EBADMSG);
     }
-    recorder_board_read(&self.board, &snapshot->board);
+    recorder_board_read(&self.board, &self.recorder, &snapshot->board);
 }
 
 static ino_t update_file(char path[256])

@@ -81,33 +81,53 @@ static void read_supply(struct recorder_board_reader *reader, struct recorder_bo
 
 /* ---- the appliance's faults ---- */
 
-static void read_faults(const char *faults, struct recorder_board *board)
+/* What can't be read is over just now. */
+static void add_fault(const char *faults, const char *file, struct recorder_board *board)
 {
-    char path[PATH_SIZE], text[512];
-    DIR *directory = opendir(faults);
-    const struct dirent *entry;
+    char path[PATH_SIZE], text[512], name[RECORDER_NAME_SIZE];
 
-    while (directory != NULL && board->faults < RECORDER_BOARD_FAULTS &&
-           (entry = readdir(directory)) != NULL) {
-        if (entry->d_name[0] == '.') {
-            continue; /* one that is being written, too */
+    utf8_clean(name, sizeof(name), file);
+    for (unsigned i = 0; i < board->faults; i++) {
+        if (strcmp(board->fault[i].name, name) == 0) {
+            return;
         }
-        snprintf(path, sizeof(path), "%s/%.64s", faults, entry->d_name);
-        if (!read_line(path, text, sizeof(text))) {
-            continue; /* it is over just now */
-        }
-        utf8_clean(board->fault[board->faults].name, RECORDER_NAME_SIZE, entry->d_name);
-        utf8_clean(board->fault[board->faults].text, RECORDER_TEXT_SIZE, text);
-        board->faults++;
     }
-    if (directory != NULL) {
-        closedir(directory);
+    snprintf(path, sizeof(path), "%s/%.64s", faults, file);
+    if (board->faults == RECORDER_BOARD_FAULTS || !read_line(path, text, sizeof(text))) {
+        return;
     }
+    memcpy(board->fault[board->faults].name, name, sizeof(name));
+    utf8_clean(board->fault[board->faults].text, RECORDER_TEXT_SIZE, text);
+    board->faults++;
 }
 
-void recorder_board_read(struct recorder_board_reader *reader, struct recorder_board *board)
+static int is_fault(const struct dirent *entry)
+{
+    return entry->d_name[0] != '.'; /* one that is being written, too */
+}
+
+static void read_faults(const char *faults, const struct recorder_fault *known,
+                        struct recorder_board *board)
+{
+    struct dirent **entries = NULL;
+    int count = scandir(faults, &entries, is_fault, alphasort);
+
+    for (int i = RECORDER_KINDS; i < RECORDER_FAULTS; i++) {
+        if (known[i].there) {
+            add_fault(faults, known[i].name, board);
+        }
+    }
+    for (int i = 0; i < count; i++) {
+        add_fault(faults, entries[i]->d_name, board);
+        free(entries[i]);
+    }
+    free(entries);
+}
+
+void recorder_board_read(struct recorder_board_reader *reader, const struct recorder *recorder,
+                         struct recorder_board *board)
 {
     memset(board, 0, sizeof(*board));
     read_supply(reader, board);
-    read_faults(reader->places->faults, board);
+    read_faults(reader->places->faults, recorder->faults, board);
 }

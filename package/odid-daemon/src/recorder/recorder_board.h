@@ -10,7 +10,12 @@ struct recorder_board_reader {
     unsigned past_flags; /* the firmware's "has been", as read last */
 };
 
-/* What the board hasn't (no such sensor, no such directory) is no fault. */
-void recorder_board_read(struct recorder_board_reader *reader, struct recorder_board *board);
+/*
+ * What the board hasn't (no such sensor, no such directory) is no fault. Where there are more
+ * faults than have a place, those that the recorder knows keep theirs until they are over; then by
+ * name.
+ */
+void recorder_board_read(struct recorder_board_reader *reader, const struct recorder *recorder,
+                         struct recorder_board *board);
 
 #endif
