@@ -15,9 +15,11 @@
  * system's component was heard is sent nothing of that one's any more. By our patches
  * (br2-external/patches/mavlink-router): nothing comes in of a message that isn't known, or with a
  * flag that isn't, nor from anybody but the peer that is configured; of a frame for which the
- * serial port had no room the rest goes out before anything else. Not as it: what has a target goes
- * out by all endpoints, checksums of known messages aren't looked at, and known are those of the
- * dialect common, there ardupilotmega's. */
+ * serial port had no room the rest goes out before anything else; where messages are blocked, so
+ * are the commands MAV_CMD_CAN_FORWARD and MAV_CMD_EXTERNAL_POSITION_ESTIMATE, and
+ * MAV_CMD_DO_AUX_FUNCTION with GPS_DISABLE. Not as it: what has a target goes out by all endpoints,
+ * checksums of known messages aren't looked at, and known are those of the dialect common, there
+ * ardupilotmega's. */
 
 #include <arpa/inet.h>
 #include <common/mavlink.h>
@@ -36,6 +38,9 @@
 #define MAX_UDP 8
 #define LISTED 32
 #define BUFFER 4096
+
+#define DO_AUX_FUNCTION 218 /* MAV_CMD_, of the dialect ardupilotmega */
+#define GPS_DISABLE 65      /* one of its functions */
 
 /* Of what comes in by an endpoint. */
 struct filter {
@@ -277,9 +282,35 @@ static bool is_understood(const unsigned char *frame)
            (frame[0] == 0xFE || (frame[2] & ~MAVLINK_IFLAG_SIGNED) == 0);
 }
 
+/* By a command, what the blocked messages are blocked for: to take the GNSS receivers away, to fill
+ * our port with what is on a CAN bus, to say where the vehicle is. COMMAND_INT has its command and
+ * its first parameter where COMMAND_LONG has them; what was cut off is 0. */
+static bool is_shut_command(const unsigned char *frame)
+{
+    const unsigned char *payload = frame + (frame[0] == 0xFE ? 6 : 10);
+    mavlink_command_long_t said = {0};
+    int message = message_of(frame);
+    if (message != MAVLINK_MSG_ID_COMMAND_LONG && message != MAVLINK_MSG_ID_COMMAND_INT)
+        return false;
+    memcpy(&said, payload, frame[1] < sizeof(said) ? frame[1] : sizeof(said));
+    switch (said.command) {
+    case MAV_CMD_CAN_FORWARD:
+    case MAV_CMD_EXTERNAL_POSITION_ESTIMATE:
+        return true;
+    case DO_AUX_FUNCTION:
+        /* Whoever makes a whole number of it, by rounding or in 16 bits: not that one. */
+        return !(said.param1 >= 0 && said.param1 <= UINT16_MAX) ||
+               (said.param1 > GPS_DISABLE - 1 && said.param1 < GPS_DISABLE + 1);
+    default:
+        return false;
+    }
+}
+
 static bool may_enter(const struct filter *filter, const unsigned char *frame)
 {
     if (!is_understood(frame) || is_listed(filter->blocked_message, message_of(frame)))
+        return false;
+    if (filter->blocked_message[0] != 0 && is_shut_command(frame))
         return false;
     return !(filter->only_listed && !filter->allowed_component[component_of(frame)]) &&
            !filter->blocked_component[component_of(frame)] &&

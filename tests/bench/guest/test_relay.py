@@ -1,6 +1,7 @@
 """The relay that stands in for mavlink-router, on this machine: a pty is its serial port. What it lets pass is held
 against mavlink-router itself where that is installed, or MAVLINK_ROUTERD names it."""
 
+import math
 import os
 import pty
 import re
@@ -230,6 +231,12 @@ def said(message):
     return message.pack(common.MAVLink(None, *STATION))
 
 
+def command(number, param1=0, who=STATION, form=common.MAVLink_command_long_message, version=2):
+    """To everybody. MAVLink 2 cuts off what is zero at its end, of the command itself, too."""
+    before = (0, 0, number, 0) if form is common.MAVLink_command_long_message else (0, 0, 0, number, 0, 0)
+    return form(*before, param1, *[0] * 6).pack(common.MAVLink(None, *who), force_mavlink1=version == 1)
+
+
 # What a peer says, and whether it passes where the vehicle's system and component 1 are blocked, and where only
 # component 236 is allowed.
 RULES = {
@@ -248,6 +255,22 @@ RULES = {
     "where it is": (said(common.MAVLink_gps_input_message(1, 0, 0, 1, 1, 3, 1, 1, 1, 1, 1, 0, 0, 0, 1, 1, 1, 9)), False, False),
     "where a camera sees it": (said(common.MAVLink_vision_position_estimate_message(1, 1, 1, 1, 0, 0, 0)), False, False),
     "what its receiver's port is to say": (said(common.MAVLink_gps_inject_data_message(1, 1, 2, b"\xb5\x62" + bytes(108))), False, False),
+    "that the receivers are off, by a switch": (command(218, 65), False, False),
+    "such a switch in MAVLink 1": (command(218, 65, version=1), False, False),
+    "such a switch by COMMAND_INT": (command(218, 65, form=common.MAVLink_command_int_message), False, False),
+    "such a switch, not yet rounded": (command(218, 65.9), False, False),
+    "such a switch in 16 bits": (command(218, 65536 + 65), False, False),
+    "a switch without a number": (command(218, math.nan), False, False),
+    "another switch": (command(218, 9), True, False),
+    "the switch before that one": (command(218, 64), True, False),
+    "the switch behind that one": (command(218, 66, form=common.MAVLink_command_int_message), True, False),
+    "another command with that number": (command(400, 65), True, False),
+    "that number and no command": (command(0, 65), True, False),
+    "that it wants to see the autopilot's CAN bus": (command(32000), False, False),
+    "the same by COMMAND_INT": (command(32000, 1, form=common.MAVLink_command_int_message), False, False),
+    "where it is, by a command": (command(43003, form=common.MAVLink_command_int_message), False, False),
+    "the same by COMMAND_LONG": (command(43003), False, False),
+    "such a command as its transmitter": (command(32000, who=TRANSMITTER), False, True),
     "as another autopilot": (heartbeat(FOREIGN), False, False),
     "signed": (heartbeat_with(1, STATION), True, False),
     "signed, as its transmitter": (heartbeat_with(1, TRANSMITTER), False, True),
