@@ -48,34 +48,53 @@ static int speed_code(float accuracy_mps)
     return createEnumSpeedAccuracy(accuracy_mps);
 }
 
-/* Is what the native LOCATION has another one than telemetry's? It is as before (differed) where
- * one of them isn't known, or it may have climbed as much between the two: after the autopilot's
- * restart its first LOCATION comes a second behind the last position. */
-static bool native_differs(const struct aircraft *aircraft, double native_m, double telemetry_m,
-                           bool differed)
+/* It may have climbed as much between the two: after the autopilot's restart its first LOCATION
+ * comes a second behind the last position. */
+static double climbed_m(const struct aircraft *aircraft)
 {
     const struct aircraft_fix *native = &aircraft->native, *telemetry = &aircraft->telemetry;
     double apart_s = fabs((double)(telemetry->fix_us - native->fix_us)) * 1e-6;
-    double climbed_m = (CLIMBS_MPS + fabs(telemetry->vertical_speed_mps)) * apart_s;
-    double difference_m = fabs(native_m - telemetry_m);
 
-    return difference_m > ALTITUDES_DIFFER_M + climbed_m ||
-           (differed && !(difference_m + climbed_m <= ALTITUDES_DIFFER_M));
+    return (CLIMBS_MPS + fabs(telemetry->vertical_speed_mps)) * apart_s;
+}
+
+/* Is what the native LOCATION has another one? It is as before (differed) where one of them isn't
+ * known, or it may have climbed as much between the two. */
+static bool native_differs(double native_m, double other_m, double climbed, bool differed)
+{
+    double difference_m = fabs(native_m - other_m);
+
+    return difference_m > ALTITUDES_DIFFER_M + climbed ||
+           (differed && !(difference_m + climbed <= ALTITUDES_DIFFER_M));
+}
+
+/* Above the take-off point, by the native altitude; NAN: one of the two isn't known. */
+static double believed_native_height_m(const struct aircraft *aircraft, int64_t now_us)
+{
+    bool believed =
+        !aircraft->altitudes_differ && !aircraft_altitude_is_apart(&aircraft->native, now_us);
+
+    return believed ? aircraft_native_height_m(aircraft) : NAN;
 }
 
 void aircraft_compare_altitudes(struct aircraft *aircraft, int64_t now_us)
 {
     double native_height_m = aircraft->native_location.counted.location.height_m;
 
-    if (!aircraft_fresh(aircraft->native.fix_us, now_us) ||
-        !aircraft_fresh(aircraft->telemetry.fix_us, now_us)) {
+    if (!aircraft_fresh(aircraft->native.fix_us, now_us)) {
         return;
     }
-    aircraft->altitudes_differ = native_differs(
-        aircraft, aircraft_geodetic_m(aircraft, &aircraft->native),
-        aircraft_geodetic_m(aircraft, &aircraft->telemetry), aircraft->altitudes_differ);
-    aircraft->heights_differ = native_differs(
-        aircraft, native_height_m, aircraft_height_m(aircraft), aircraft->heights_differ);
+    if (!aircraft_fresh(aircraft->telemetry.fix_us, now_us)) {
+        aircraft->heights_differ =
+            native_differs(native_height_m, believed_native_height_m(aircraft, now_us), 0,
+                           aircraft->heights_differ);
+        return;
+    }
+    aircraft->altitudes_differ = native_differs(aircraft_geodetic_m(aircraft, &aircraft->native),
+                                                aircraft_geodetic_m(aircraft, &aircraft->telemetry),
+                                                climbed_m(aircraft), aircraft->altitudes_differ);
+    aircraft->heights_differ = native_differs(native_height_m, aircraft_height_m(aircraft),
+                                              climbed_m(aircraft), aircraft->heights_differ);
 }
 
 bool aircraft_altitudes_differ(const struct aircraft *aircraft, int64_t now_us)
@@ -171,6 +190,9 @@ static void view_native_position(const struct aircraft *aircraft, int64_t now_us
     fill_from_native(aircraft, now_us, out);
     if (aircraft_fix_counts(&aircraft->telemetry, now_us)) {
         fill_from_telemetry(aircraft, now_us, out);
+    }
+    if (isnan(out->height_m)) {
+        out->height_m = believed_native_height_m(aircraft, now_us);
     }
 }
 

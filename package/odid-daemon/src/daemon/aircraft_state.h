@@ -250,6 +250,9 @@ void aircraft_take_home(struct aircraft *aircraft, const struct telemetry_update
 
 /* Plain telemetry's, above the take-off point; NAN when that isn't known. */
 double aircraft_height_m(const struct aircraft *aircraft);
+/* The same by the native altitude: not as its message says, which may be above a home that is moved
+ * in flight. */
+double aircraft_native_height_m(const struct aircraft *aircraft);
 
 /* ---- aircraft_operator.c ---- */
 
@@ -304,7 +307,8 @@ void aircraft_view_status(const struct aircraft *aircraft, int64_t now_us,
 /* ---- aircraft_location.c ---- */
 
 /* After each position. What was found while both were there stands: the one that isn't believed
- * doesn't count either once the other one is gone. */
+ * doesn't count either once the other one is gone. But a native height without telemetry is held
+ * against its own message's altitude. */
 void aircraft_compare_altitudes(struct aircraft *aircraft, int64_t now_us);
 
 /* Is the native altitude another one than telemetry's? Then it doesn't count. */

@@ -45,12 +45,9 @@ static double speed_mps(const struct aircraft *aircraft, int64_t now_us)
 /* By the altitudes; else as the message says, which may be above a home that is moved in flight. */
 static double native_height_m(const struct aircraft *aircraft)
 {
-    double height_m =
-        aircraft_geodetic_m(aircraft, &aircraft->native) - aircraft->takeoff.altitude_geodetic_m;
+    double height_m = aircraft_native_height_m(aircraft);
 
-    return aircraft->takeoff.known && !isnan(height_m)
-               ? height_m
-               : aircraft->native_location.received.location.height_m;
+    return isnan(height_m) ? aircraft->native_location.received.location.height_m : height_m;
 }
 
 /* Above the point of this flight's take-off, by telemetry or, where that doesn't say it, by the

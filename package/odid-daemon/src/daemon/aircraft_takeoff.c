@@ -94,3 +94,11 @@ double aircraft_height_m(const struct aircraft *aircraft)
     }
     return aircraft->armed ? NAN : fix->relative_altitude_m;
 }
+
+double aircraft_native_height_m(const struct aircraft *aircraft)
+{
+    if (!aircraft->takeoff.known) {
+        return NAN;
+    }
+    return aircraft_geodetic_m(aircraft, &aircraft->native) - aircraft->takeoff.altitude_geodetic_m;
+}

@@ -396,6 +396,67 @@ static void a_native_height_that_contradicts_the_altitudes_is_not_broadcast(void
     assert_near(view.location.height_m, 100);
 }
 
+/* Native messages alone: the height in them is above a home that the autopilot moves in flight. */
+static void give_native(double altitude_geodetic_m, double height_m, uint8_t reference)
+{
+    struct telemetry_update update = native_of(now_us);
+
+    update.location.altitude_geodetic_m = altitude_geodetic_m;
+    update.location.height_m = height_m;
+    update.location.height_reference = reference;
+    give(&update);
+    fly(1);
+}
+
+static void take_off_with_native_alone(void)
+{
+    sim.position = false;
+    give_native(125, 0, MAV_ODID_HEIGHT_REF_OVER_TAKEOFF);
+    arm(true);
+    give_native(125, 0, MAV_ODID_HEIGHT_REF_OVER_TAKEOFF);
+}
+
+static void with_native_alone_no_height_is_above_a_home_that_was_moved(void **state)
+{
+    (void)state;
+    take_off_with_native_alone();
+    give_native(205, 79, MAV_ODID_HEIGHT_REF_OVER_TAKEOFF); /* as it is said, while it is right */
+    assert_near(view.location.height_m, 79);
+    give_native(205, 4, MAV_ODID_HEIGHT_REF_OVER_TAKEOFF);
+    assert_near(view.location.height_m, 80);
+    assert_false(view.location.height_above_ground);
+    give_native(205, 66, MAV_ODID_HEIGHT_REF_OVER_TAKEOFF);
+    assert_near(view.location.height_m, 66);
+    give_native(205, NAN, MAV_ODID_HEIGHT_REF_OVER_TAKEOFF);
+    assert_near(view.location.height_m, 80);
+}
+
+static void what_is_above_the_ground_is_held_against_no_take_off(void **state)
+{
+    (void)state;
+    take_off_with_native_alone();
+    give_native(205, 4, MAV_ODID_HEIGHT_REF_OVER_GROUND);
+    assert_near(view.location.height_m, 4);
+    assert_true(view.location.height_above_ground);
+}
+
+/* Telemetry has shown that the native altitude is wrong: it proves nothing of the height, then. */
+static void nor_is_a_height_against_an_altitude_that_is_not_believed(void **state)
+{
+    (void)state;
+    give_native(80, 0, MAV_ODID_HEIGHT_REF_OVER_TAKEOFF);
+    arm(true);
+    fly(1);
+    give_native(80, 0, MAV_ODID_HEIGHT_REF_OVER_TAKEOFF);
+    assert_true(condition.altitudes_differ);
+    sim.position = false;
+    for (unsigned i = 0; i < 5; i++) {
+        give_native(80, 3 + i, MAV_ODID_HEIGHT_REF_OVER_TAKEOFF);
+    }
+    assert_true(from_native());
+    assert_near(view.location.height_m, 7);
+}
+
 static void a_native_position_alone_freezes_a_takeoff_point(void **state)
 {
     (void)state;
@@ -477,6 +538,11 @@ int main(void)
         cmocka_unit_test_setup(a_native_height_that_contradicts_the_altitudes_is_not_broadcast,
                                begin_setup),
         cmocka_unit_test_setup(a_native_position_alone_freezes_a_takeoff_point, begin_setup),
+        cmocka_unit_test_setup(with_native_alone_no_height_is_above_a_home_that_was_moved,
+                               begin_setup),
+        cmocka_unit_test_setup(what_is_above_the_ground_is_held_against_no_take_off, begin_setup),
+        cmocka_unit_test_setup(nor_is_a_height_against_an_altitude_that_is_not_believed,
+                               begin_setup),
         cmocka_unit_test_setup(the_height_above_ground_is_said_to_be, begin_setup),
         cmocka_unit_test_setup(another_vehicle_inherits_no_takeoff_point, begin_setup),
     };
