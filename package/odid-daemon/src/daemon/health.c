@@ -235,6 +235,11 @@ static void judge_link(struct health *health, const struct health_input *input)
         FAULT("autopilot-no-link", link_advice(input), "no link to the autopilot");
     } else if (input->link->state == LINK_SILENT) {
         FAULT("autopilot-silent", link_advice(input), "autopilot is silent");
+    } else if (!input->condition->heartbeat_fresh && input->others_only) {
+        FAULT("autopilot-silent",
+              "Others speak on its link, it doesn't: is it powered? Check cable, baud and the "
+              "port's MAVLink protocol setting.",
+              "autopilot is silent");
     } else if (!input->condition->heartbeat_fresh) {
         FAULT("autopilot-no-heartbeat",
               input->speaks

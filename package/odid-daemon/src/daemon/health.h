@@ -46,6 +46,7 @@ struct health_input {
     bool filter_logging;        /* the system-call filter only logs */
     bool realtime;              /* real-time priority was granted */
     bool speaks;                /* anything came of the autopilot, a moment ago */
+    bool others_only;           /* frames come, a moment ago, and none of any autopilot's */
     bool contradicted;          /* two sources speak as the autopilot */
     bool unheard;               /* the autopilot doesn't answer */
     bool signs;                 /* and signs its frames */

@@ -127,6 +127,7 @@ static void judge(struct health_input *input, struct health *health, struct airc
         .filter_logging = self.options.seccomp_log,
         .realtime = self.realtime,
         .speaks = telemetry_vehicle_speaks(self.telemetry, now_us),
+        .others_only = telemetry_only_others_speak(self.telemetry, now_us),
         .contradicted = telemetry_contradicted(self.telemetry, now_us),
         .unheard = asking_unheard(&self.asking),
         .signs = telemetry_vehicle_signs(self.telemetry),

@@ -50,6 +50,7 @@ struct telemetry {
     uint16_t speaker;   /* but this one's (telemetry_update) */
     int vehicle_stream;
     int64_t latest_us;
+    int64_t autopilots_us, others_us; /* any one's last frame, and of whoever is none; INT64_MIN */
     struct renamed renamed;
 };
 
@@ -61,6 +62,7 @@ struct telemetry *telemetry_init(telemetry_fn *deliver, void *context)
     telemetry.deliver = deliver;
     telemetry.context = context;
     telemetry.vehicle_stream = -1;
+    telemetry.autopilots_us = telemetry.others_us = INT64_MIN;
     vehicle_init(&telemetry.vehicle);
     belief_reset(&telemetry.belief);
     return &telemetry;
@@ -331,6 +333,11 @@ static void take_frame(struct telemetry *telemetry, unsigned stream,
 {
     struct telemetry_update update;
 
+    if (message->compid == MAV_COMP_ID_AUTOPILOT1) {
+        telemetry->autopilots_us = now_us;
+    } else {
+        telemetry->others_us = now_us;
+    }
     if (message->compid >= TELEMETRY_COMPONENT_ODID &&
         message->compid < TELEMETRY_COMPONENT_ODID + 3) {
         telemetry->counters.other_transmitter++;
@@ -421,6 +428,16 @@ bool telemetry_vehicle_speaks(const struct telemetry *telemetry, int64_t now_us)
 {
     return from_autopilot(telemetry, &telemetry->latest) &&
            now_us - telemetry->latest_us < AIRCRAFT_FRESH_US;
+}
+
+static bool is_recent(int64_t at_us, int64_t now_us)
+{
+    return at_us != INT64_MIN && now_us - at_us < AIRCRAFT_FRESH_US;
+}
+
+bool telemetry_only_others_speak(const struct telemetry *telemetry, int64_t now_us)
+{
+    return is_recent(telemetry->others_us, now_us) && !is_recent(telemetry->autopilots_us, now_us);
 }
 
 bool telemetry_heartbeat_missing(const struct telemetry *telemetry, int64_t now_us)

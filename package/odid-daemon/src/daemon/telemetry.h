@@ -167,6 +167,8 @@ uint8_t telemetry_vehicle(const struct telemetry *telemetry);
 bool telemetry_vehicle_settled(const struct telemetry *telemetry);
 /* Has anything come of it within 3 s, if only something that nobody needs? */
 bool telemetry_vehicle_speaks(const struct telemetry *telemetry, int64_t now_us);
+/* Whole frames come, within 3 s, and none of any autopilot's: of a ground station, of a camera. */
+bool telemetry_only_others_speak(const struct telemetry *telemetry, int64_t now_us);
 /* For 3 s it has spoken on without a HEARTBEAT: not one that was switched off, whose last one came
  * before its last word. */
 bool telemetry_heartbeat_missing(const struct telemetry *telemetry, int64_t now_us);

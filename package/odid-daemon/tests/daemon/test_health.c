@@ -192,6 +192,14 @@ static void link_states(void **state)
     fixture.input.speaks = false;
     expect_one(HEALTH_FAULT, "no heartbeat from autopilot");
     assert_non_null(strstr(health.problem[0].advice, "no autopilot (component 1) speaks"));
+    /* A ground station's frames come by mavlink-router: what carries them is right. */
+    fixture.input.others_only = true;
+    expect_one(HEALTH_FAULT, "autopilot is silent");
+    assert_string_equal(health.problem[0].id, "autopilot-silent");
+    assert_non_null(strstr(health.problem[0].advice, "is it powered?"));
+    fixture.condition.heartbeat_fresh = true; /* its last one isn't old yet */
+    judge();
+    assert_int_equal(health.count, 0);
 }
 
 static void positions(void **state)

@@ -693,6 +693,29 @@ static void the_same_vehicle_after_silence_is_no_new_one(void **state)
     assert_false(latest()->heartbeat.new_vehicle);
 }
 
+/* mavlink-router passes on what a ground station says: the autopilot can be off for all that. */
+static void others_that_speak_are_told_from_an_autopilot_and_from_noise(void **state)
+{
+    struct frame cut = ground_station_heartbeat(GROUND_STATION);
+
+    (void)state;
+    begin();
+    now_us = SECOND; /* just after power-on, nobody was heard just now */
+    assert_false(telemetry_only_others_speak(telemetry, now_us));
+    cut.bytes[cut.length - 1] ^= 1;
+    feed(cut);
+    assert_false(telemetry_only_others_speak(telemetry, now_us));
+    feed(ground_station_heartbeat(GROUND_STATION));
+    assert_true(telemetry_only_others_speak(telemetry, now_us));
+    /* One without a HEARTBEAT is an autopilot, too, and whoever else's it is. */
+    feed(frame_attitude(OTHER_VEHICLE, AUTOPILOT, &(mavlink_attitude_t){.roll = 1}));
+    assert_false(telemetry_only_others_speak(telemetry, now_us));
+    now_us += 3 * SECOND;
+    assert_false(telemetry_only_others_speak(telemetry, now_us));
+    feed(ground_station_heartbeat(GROUND_STATION));
+    assert_true(telemetry_only_others_speak(telemetry, now_us));
+}
+
 static void replies_go_where_the_vehicle_was_heard_last(void **state)
 {
     (void)state;
@@ -757,6 +780,7 @@ int main(void)
         cmocka_unit_test_setup(in_flight_nobody_returns_whose_place_was_given_up, setup),
         cmocka_unit_test_setup(after_a_restart_in_flight_no_other_vehicle_takes_its_place, setup),
         cmocka_unit_test_setup(the_same_vehicle_after_silence_is_no_new_one, setup),
+        cmocka_unit_test_setup(others_that_speak_are_told_from_an_autopilot_and_from_noise, setup),
         cmocka_unit_test_setup(replies_go_where_the_vehicle_was_heard_last, setup),
     };
 
