@@ -89,6 +89,8 @@ struct aircraft_view {
     uint8_t description_type;
     char description[24];
     enum source description_source;
+    bool description_spare; /* a ground station's, and no emergency: the vehicle's own pages count
+                               for more */
     struct aircraft_system system;
     char operator_id[21]; /* empty when unknown */
     uint8_t operator_id_type;

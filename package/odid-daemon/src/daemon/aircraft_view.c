@@ -111,6 +111,9 @@ static void view_description(const struct aircraft *aircraft, int64_t now_us,
         memcpy(view->description, said->text, sizeof(view->description));
         view->description_type = said->type;
         view->description_source = SOURCE_NATIVE;
+        view->description_spare = said == &aircraft->description[AIRCRAFT_SPEAKER_GROUND] &&
+                                  said->type != ODID_DESC_TYPE_EMERGENCY &&
+                                  !aircraft->auth_by_another;
     }
     view->self_id_set = view->description[0] != '\0';
 }

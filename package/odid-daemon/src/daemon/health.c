@@ -401,6 +401,23 @@ static void judge_pack(struct health *health, const struct health_input *input, 
     }
 }
 
+/* What no pack has: its nine messages are few where Authentication is among them. */
+static void judge_whole_pack(struct health *health, const struct health_input *input,
+                             int64_t now_us)
+{
+    bool signature = messages_exceed_pack(input->view, MESSAGE_AUTHENTICATION);
+
+    if (!on_air(input, CHANNEL_WIFI, now_us) && !on_air(input, CHANNEL_BT5, now_us)) {
+        return;
+    }
+    if (signature || messages_exceed_pack(input->view, MESSAGE_SELF_ID)) {
+        WARNING("pack-full",
+                "Nine messages fit, and only Bluetooth 4 says more: leave out a second Basic ID, "
+                "the Self-ID or pages.",
+                "packs lack %s", signature ? "Authentication" : "Self-ID");
+    }
+}
+
 static void judge_data(struct health *health, const struct health_input *input)
 {
     const struct aircraft_condition *condition = input->condition;
@@ -628,6 +645,7 @@ void health_judge(struct health *health, const struct health_input *input, int64
     judge_contradictions(health, input);
     judge_data(health, input);
     judge_pack(health, input, now_us);
+    judge_whole_pack(health, input, now_us);
     judge_flood(health, input, now_us);
     judge_daemon(health, input);
 }

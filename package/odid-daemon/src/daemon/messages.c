@@ -290,8 +290,10 @@ bool messages_legacy(struct messages_counters *counters, const struct aircraft_v
 }
 
 /* What goes first where there isn't room for all; part of a signature proves nothing. A position
- * without a serial number is nobody's, so these two stay. */
-static void make_room(unsigned counts[MESSAGE_TYPES], unsigned most)
+ * without a serial number is nobody's, so these two stay. Who is on the ground takes no signature
+ * away by a description. */
+static void make_room(const struct aircraft_view *view, unsigned counts[MESSAGE_TYPES],
+                      unsigned most)
 {
     static const struct {
         enum message_type type;
@@ -302,6 +304,10 @@ static void make_room(unsigned counts[MESSAGE_TYPES], unsigned most)
 
     for (enum message_type type = 0; type < MESSAGE_TYPES; type++) {
         total += counts[type];
+    }
+    if (view->description_spare && total - counts[MESSAGE_SELF_ID] == most) {
+        total = most;
+        counts[MESSAGE_SELF_ID] = 0;
     }
     for (size_t i = 0; total > most && i < sizeof(order) / sizeof(order[0]); i++) {
         unsigned *count = &counts[order[i].type];
@@ -319,7 +325,7 @@ static void count_pack(const struct aircraft_view *view, unsigned most,
     for (enum message_type type = 0; type < MESSAGE_TYPES; type++) {
         counts[type] = messages_available(view, type);
     }
-    make_room(counts, most < MESSAGES_PACK_MAX ? most : MESSAGES_PACK_MAX);
+    make_room(view, counts, most < MESSAGES_PACK_MAX ? most : MESSAGES_PACK_MAX);
 }
 
 bool messages_left_out(const struct aircraft_view *view, unsigned most, enum message_type type)
@@ -329,6 +335,14 @@ bool messages_left_out(const struct aircraft_view *view, unsigned most, enum mes
     count_pack(view, MESSAGES_PACK_MAX, whole);
     count_pack(view, most, small);
     return small[type] < whole[type];
+}
+
+bool messages_exceed_pack(const struct aircraft_view *view, enum message_type type)
+{
+    unsigned whole[MESSAGE_TYPES];
+
+    count_pack(view, MESSAGES_PACK_MAX, whole);
+    return whole[type] < messages_available(view, type);
 }
 
 size_t messages_pack(const struct aircraft_view *view, unsigned most,

@@ -84,6 +84,9 @@ size_t messages_pack(const struct aircraft_view *view, unsigned most,
 /* Is there less of a type in a pack of at most so many than in one of MESSAGES_PACK_MAX? */
 bool messages_left_out(const struct aircraft_view *view, unsigned most, enum message_type type);
 
+/* Has not even one of MESSAGES_PACK_MAX room for all of a type? */
+bool messages_exceed_pack(const struct aircraft_view *view, enum message_type type);
+
 /*
  * Wraps a pack for extended advertising or for a beacon. counter belongs to
  * the channel and steps when the pack changed. Each returns the number of bytes.

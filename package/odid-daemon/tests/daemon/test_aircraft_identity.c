@@ -552,6 +552,41 @@ static void authentication_ends_by_silence(void **state)
     assert_int_equal(view.auth_pages, 16);
 }
 
+static void a_ground_station_s_description_is_spare_beside_the_vehicle_s_pages(void **state)
+{
+    (void)state;
+    page(0, 0, 5, 0xA0);
+    assert_false(view.description_spare);
+    description_by_ground(0, "survey");
+    assert_true(view.description_spare);
+    description_by_ground(1, "Engine failure");
+    assert_false(view.description_spare);
+    description_by_ground(0, "survey");
+    native_description(0, "sea rescue");
+    look();
+    assert_false(view.description_spare);
+}
+
+static void it_is_not_beside_a_ground_station_s_pages(void **state)
+{
+    (void)state;
+    page_speaker = 255 << 8 | 190;
+    page(0, 0, 5, 0xA0);
+    page_speaker = 0;
+    description_by_ground(0, "survey");
+    assert_int_equal(view.auth_pages, 1);
+    assert_false(view.description_spare);
+}
+
+static void what_is_configured_is_not_spare(void **state)
+{
+    (void)state;
+    strcpy(config.description, "Sea rescue surveillance");
+    page(0, 0, 5, 0xA0);
+    description_by_ground(0, "survey");
+    assert_false(view.description_spare);
+}
+
 static void authentication_of_one_page_is_whole(void **state)
 {
     (void)state;
@@ -689,6 +724,10 @@ int main(void)
         cmocka_unit_test_setup(a_declared_emergency_ends_by_silence, begin_setup),
         cmocka_unit_test_setup(an_empty_description_takes_back_its_senders_only, begin_setup),
         cmocka_unit_test_setup(authentication_counts_when_all_pages_have_come, begin_setup),
+        cmocka_unit_test_setup(a_ground_station_s_description_is_spare_beside_the_vehicle_s_pages,
+                               begin_setup),
+        cmocka_unit_test_setup(it_is_not_beside_a_ground_station_s_pages, begin_setup),
+        cmocka_unit_test_setup(what_is_configured_is_not_spare, begin_setup),
         cmocka_unit_test_setup(authentication_of_one_page_is_whole, begin_setup),
         cmocka_unit_test_setup(authentication_of_16_pages_is_whole, begin_setup),
         cmocka_unit_test_setup(repeated_pages_change_nothing, begin_setup),

@@ -558,6 +558,28 @@ static void a_channel_that_was_on_the_air_is_missed_whatever_its_state_is_called
     expect_one(HEALTH_FAULT, "Bluetooth 5 off: unsupported");
 }
 
+/* One message more, if only the ground station's description, and Wi-Fi had no signature. */
+static void what_has_no_room_in_any_pack_is_said(void **state)
+{
+    (void)state;
+    fixture.view.auth_pages = 4; /* nine messages */
+    judge();
+    assert_int_equal(health.count, 0);
+    fixture.view.auth_pages = 5;
+    expect_one(HEALTH_WARNING, "packs lack Authentication");
+    assert_string_equal(health.problem[0].id, "pack-full");
+    fixture.view.description_spare = true;
+    expect_one(HEALTH_WARNING, "packs lack Self-ID");
+    fixture.view.auth_pages = 6;
+    expect_one(HEALTH_WARNING, "packs lack Authentication");
+    fixture.config.wifi_beacon_enabled = false;
+    radio_init(&fixture.radios[CHANNEL_WIFI], RADIO_DISABLED, NOW);
+    judge();
+    for (unsigned i = 0; i < health.count; i++) {
+        assert_string_not_equal(health.problem[i].id, "pack-full"); /* there are no packs */
+    }
+}
+
 /* The pack had become smaller, and nobody was told what isn't in it. */
 static void what_has_no_room_in_a_small_pack_is_said(void **state)
 {
@@ -612,6 +634,7 @@ int main(void)
         TEST(two_sources_keep_from_arming),
         TEST(a_flood_keeps_from_arming_while_it_lasts),
         TEST(what_the_autopilot_does_not_hear_is_told),
+        TEST(what_has_no_room_in_any_pack_is_said),
         TEST(what_has_no_room_in_a_small_pack_is_said),
         TEST(a_channel_that_was_on_the_air_is_missed_whatever_its_state_is_called),
     };

@@ -304,6 +304,23 @@ static void authentication_is_left_out_of_a_pack_when_it_does_not_fit(void **sta
     }
 }
 
+/* Where that is enough: else it stays. */
+static void a_spare_description_makes_room_for_authentication(void **state)
+{
+    uint8_t pack[MESSAGES_PACK_SIZE];
+
+    (void)state;
+    for (unsigned pages = 1; pages <= TELEMETRY_AUTH_PAGES; pages++) {
+        view = full_view();
+        view.description_spare = true;
+        add_authentication(&view, pages);
+        messages_pack(&view, MESSAGES_PACK_MAX, pack);
+        assert_int_equal(pack[2], pages <= 4 ? 5 + pages : pages == 5 ? 9 : 5);
+        assert_int_equal(messages_exceed_pack(&view, MESSAGE_SELF_ID), pages == 5);
+        assert_int_equal(messages_exceed_pack(&view, MESSAGE_AUTHENTICATION), pages > 5);
+    }
+}
+
 /* ---- counters ---- */
 
 static uint8_t counter_of(struct messages_counters *counters, enum message_type type,
@@ -454,6 +471,7 @@ int main(void)
         cmocka_unit_test_setup(a_short_pack_has_short_wraps, setup),
         cmocka_unit_test_setup(a_pack_is_in_the_order_of_types_and_decodes, setup),
         cmocka_unit_test_setup(authentication_is_left_out_of_a_pack_when_it_does_not_fit, setup),
+        cmocka_unit_test_setup(a_spare_description_makes_room_for_authentication, setup),
         cmocka_unit_test_setup(a_counter_steps_only_when_the_content_changes_and_wraps, setup),
         cmocka_unit_test_setup(every_single_bit_of_content_steps_the_counter, setup),
         cmocka_unit_test_setup(two_basic_ids_share_a_counter, setup),
