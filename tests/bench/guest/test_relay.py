@@ -205,7 +205,7 @@ def arm_status(who):
 def setup_signing(who):
     """From now on the autopilot hears only who signs."""
     link = common.MAVLink(None, srcSystem=who[0], srcComponent=who[1])
-    return common.MAVLink_setup_signing_message(1, 1, bytes(32), 1).pack(link)
+    return common.MAVLink_setup_signing_message(0, 0, bytes(32), 1).pack(link)
 
 
 def serial_control(who):
@@ -239,6 +239,7 @@ def command(number, param1=0, who=STATION, form=common.MAVLink_command_long_mess
 
 # What a peer says, and whether it passes where the vehicle's system and component 1 are blocked, and where only
 # component 236 is allowed.
+# All of it to everybody, so that a peer hears what passes.
 RULES = {
     "the station's word": (heartbeat(STATION), True, False),
     "in MAVLink 1": (heartbeat(STATION, version=1), True, False),
@@ -251,10 +252,10 @@ RULES = {
     "what an autopilot's port is to say": (serial_control(STATION), False, False),
     "what time it is": (said(common.MAVLink_system_time_message(1_800_000_000_000_000, 1)), False, False),
     "that a radio is full": (said(common.MAVLink_radio_status_message(1, 1, 0, 1, 1, 0, 0)), False, False),
-    "what is on the autopilot's CAN bus": (said(common.MAVLink_can_frame_message(1, 1, 0, 8, 0x1234, b"12345678")), False, False),
+    "what is on the autopilot's CAN bus": (said(common.MAVLink_can_frame_message(0, 0, 0, 8, 0x1234, b"12345678")), False, False),
     "where it is": (said(common.MAVLink_gps_input_message(1, 0, 0, 1, 1, 3, 1, 1, 1, 1, 1, 0, 0, 0, 1, 1, 1, 9)), False, False),
     "where a camera sees it": (said(common.MAVLink_vision_position_estimate_message(1, 1, 1, 1, 0, 0, 0)), False, False),
-    "what its receiver's port is to say": (said(common.MAVLink_gps_inject_data_message(1, 1, 2, b"\xb5\x62" + bytes(108))), False, False),
+    "what its receiver's port is to say": (said(common.MAVLink_gps_inject_data_message(0, 0, 2, b"\xb5\x62" + bytes(108))), False, False),
     "that the receivers are off, by a switch": (command(218, 65), False, False),
     "such a switch in MAVLink 1": (command(218, 65, version=1), False, False),
     "such a switch by COMMAND_INT": (command(218, 65, form=common.MAVLink_command_int_message), False, False),
