@@ -66,8 +66,8 @@ def test_what_failed_once_holds(seed, words, tmp_path):
 
 def test_a_flight_is_the_same_octets_by_another_python():
     def heard(*words):
-        said = subprocess.run(["env", "-u", "MAKEFLAGS", "make", "simulate", "SEEDS=1-2", "MINUTES=1", "JOBS=1", *words],
-                              cwd=parts.ROOT, stdout=subprocess.PIPE, text=True, timeout=patience.LIMIT_S)
+        said = subprocess.run(["env", "-u", "MAKEFLAGS", "make", "--no-print-directory", "simulate", "SEEDS=1-2", "MINUTES=1",
+                               "JOBS=1", *words], cwd=parts.ROOT, stdout=subprocess.PIPE, text=True, timeout=patience.LIMIT_S)
         assert said.returncode == 0, said.stdout
         return re.search(r"2 flights.* 0 broke a law; what was heard: (\w+)$", said.stdout)[1]
     assert heard() == heard("PYPY=pypy3")
