@@ -5,6 +5,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <stdbool.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -21,6 +22,7 @@ struct fake_hostapd {
     struct sockaddr_un client;
     socklen_t client_size;
     bool hangs, talks; /* no replies; events before each reply */
+    bool passes;       /* a descriptor with each reply */
     bool disabled;
     const char *set_reply, *update_reply;
     char configured[1024], beacon[1024]; /* vendor elements, as hexadecimal */
@@ -33,6 +35,27 @@ static inline void fake_reply(struct fake_hostapd *fake, const char *reply)
                fake->client_size) < 0) {
         return; /* nobody is there */
     }
+}
+
+/* With a descriptor, to whom it answered last. */
+static inline bool fake_pass(struct fake_hostapd *fake, const char *reply, int fd)
+{
+    union {
+        struct cmsghdr header;
+        char bytes[CMSG_SPACE(sizeof(int))];
+    } control = {.header = {.cmsg_len = CMSG_LEN(sizeof(int)),
+                            .cmsg_level = SOL_SOCKET,
+                            .cmsg_type = SCM_RIGHTS}};
+    struct iovec place = {.iov_base = (void *)(uintptr_t)reply, .iov_len = strlen(reply)};
+    struct msghdr message = {.msg_name = &fake->client,
+                             .msg_namelen = fake->client_size,
+                             .msg_iov = &place,
+                             .msg_iovlen = 1,
+                             .msg_control = &control,
+                             .msg_controllen = sizeof(control)};
+
+    memcpy(CMSG_DATA(&control.header), &fd, sizeof(fd));
+    return sendmsg(fake->watch.fd, &message, MSG_DONTWAIT) >= 0;
 }
 
 static const char *fake_obey_hostapd(struct fake_hostapd *fake, const char *request)
@@ -85,7 +108,11 @@ static void fake_hostapd_readable(void *context, uint32_t events, int64_t now_us
         if (fake->talks) {
             fake_reply(fake, "<3>AP-STA-CONNECTED 02:00:00:00:00:01");
         }
-        fake_reply(fake, reply);
+        if (fake->passes) {
+            fake_pass(fake, reply, STDERR_FILENO);
+        } else {
+            fake_reply(fake, reply);
+        }
     }
 }
 

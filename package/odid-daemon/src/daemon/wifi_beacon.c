@@ -44,7 +44,8 @@ static void close_and_retry(enum radio_state state, const char *what, int error,
     char detail[RADIO_DETAIL_SIZE];
     bool hard;
 
-    snprintf(detail, sizeof(detail), "%s: %s", what, strerror(-error));
+    snprintf(detail, sizeof(detail), "%s: %s", what,
+             error == HOSTAPD_PASSED ? "it passed descriptors" : strerror(-error));
     self.request = REQUEST_NONE;
     hostapd_control_close(&self.control);
     radio_enter(self.radio, CHANNEL_WIFI,
@@ -52,12 +53,23 @@ static void close_and_retry(enum radio_state state, const char *what, int error,
     loop_arm(&self.timer, retry_next(&self.retry, now_us));
 }
 
+static const char *what_is_lost(int error)
+{
+    switch (error) {
+    case -ETIMEDOUT:
+        return "hostapd doesn't answer";
+    case HOSTAPD_PASSED:
+        return "hostapd is left alone";
+    default:
+        return "hostapd is gone";
+    }
+}
+
 static void on_lost(void *context, int error, int64_t now_us)
 {
     (void)context;
     self.radio->failures++;
-    close_and_retry(RADIO_LOST, error == -ETIMEDOUT ? "hostapd doesn't answer" : "hostapd is gone",
-                    error, now_us);
+    close_and_retry(RADIO_LOST, what_is_lost(error), error, now_us);
 }
 
 /* ---- requests ---- */
@@ -211,6 +223,10 @@ static void open_control(int64_t now_us)
     int result =
         hostapd_control_open(&self.control, self.config->hostapd_dir, self.config->wifi_iface);
 
+    if (result == HOSTAPD_PASSED) {
+        close_and_retry(RADIO_LOST, what_is_lost(result), result, now_us);
+        return;
+    }
     if (result < 0) {
         close_and_retry(RADIO_ABSENT, "hostapd's control socket", result, now_us);
         return;

@@ -169,10 +169,22 @@ static void end_wifi(const char *reason, int64_t now_us)
     one_is_done(now_us);
 }
 
+static const char *what_error(int error)
+{
+    switch (error) {
+    case -ETIMEDOUT:
+        return "hostapd gives no answer";
+    case HOSTAPD_PASSED:
+        return "hostapd passed descriptors, and is left alone";
+    default:
+        return strerror(-error);
+    }
+}
+
 static void on_hostapd_lost(void *context, int error, int64_t now_us)
 {
     (void)context;
-    end_wifi(error == -ETIMEDOUT ? "hostapd gives no answer" : strerror(-error), now_us);
+    end_wifi(what_error(error), now_us);
 }
 
 static void next_order(int64_t now_us)
@@ -180,7 +192,7 @@ static void next_order(int64_t now_us)
     int result = hostapd_control_request(&self.control, orders[self.order], now_us);
 
     if (result < 0) {
-        end_wifi(strerror(-result), now_us);
+        end_wifi(what_error(result), now_us);
     }
 }
 
@@ -204,14 +216,16 @@ static void start_wifi(int64_t now_us)
     int result;
 
     self.order = 0;
-    hostapd_control_init(&self.control, on_reply, on_hostapd_lost, NULL);
-    self.control_known = true;
+    if (!self.control_known) { /* it remembers whom it leaves alone */
+        hostapd_control_init(&self.control, on_reply, on_hostapd_lost, NULL);
+        self.control_known = true;
+    }
     result = hostapd_control_open(&self.control, self.plan.hostapd_dir, self.plan.iface);
     if (result == -ENOENT || result == -ECONNREFUSED) {
         /* The kernel may go on without it, with the last beacon. */
         end_wifi(if_nametoindex(self.plan.iface) == 0 ? NULL : "hostapd does not run", now_us);
     } else if (result < 0) {
-        end_wifi(strerror(-result), now_us);
+        end_wifi(what_error(result), now_us);
     } else {
         next_order(now_us);
     }

@@ -163,6 +163,23 @@ static void a_hostapd_that_hangs_is_lost_and_asked_again(void **state)
     assert_false(wifi_beacon_waits());
 }
 
+static void a_hostapd_that_passes_descriptors_is_left_alone_for_a_minute(void **state)
+{
+    (void)state;
+    start();
+    assert_true(loop_until(it_is_in_the_beacon, 500));
+    fake.passes = true;
+    assert_true(loop_until(it_is_lost, 1200));
+    assert_string_equal(radio.detail, "hostapd is left alone: it passed descriptors");
+    fake.passes = false;
+    fake.requests = 0;
+    run_ms(58000);
+    assert_int_equal(radio.state, RADIO_LOST);
+    assert_string_equal(radio.detail, "hostapd is left alone: it passed descriptors");
+    assert_int_equal(fake.requests, 0);
+    assert_true(loop_until(it_is_in_the_beacon, 4000));
+}
+
 static void a_disabled_interface_is_down_and_gets_the_element_again(void **state)
 {
     (void)state;
@@ -260,6 +277,7 @@ int main(void)
         TEST(hostapd_is_asked_once_a_second_by_itself),
         TEST(a_hostapd_that_restarts_has_the_element_within_a_second),
         TEST(a_hostapd_that_hangs_is_lost_and_asked_again),
+        TEST(a_hostapd_that_passes_descriptors_is_left_alone_for_a_minute),
         TEST(a_disabled_interface_is_down_and_gets_the_element_again),
         TEST(one_that_is_given_again_does_not_wait),
         TEST(a_refused_element_is_told_and_tried_again),

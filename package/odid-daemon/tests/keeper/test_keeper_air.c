@@ -202,6 +202,33 @@ static void all_radios_are_seen_to_whatever_one_of_them_does(void **state)
     assert_string_equal(left, expected);
 }
 
+static void
+a_hostapd_that_passes_descriptors_is_left_alone_and_bluetooth_is_switched_off(void **state)
+{
+    static const char left_alone[] = "wlan0 (hostapd passed descriptors, and is left alone)";
+
+    (void)state;
+    controller.legacy_used = true;
+    controller.sets[0].known = controller.sets[0].enabled = true;
+    with_controller();
+    with_hostapd();
+    hostapd.passes = true;
+    take_off(500);
+    assert_false(controller.sets[0].enabled);
+    assert_string_equal(off, controller.adapter);
+    assert_string_equal(left, left_alone);
+
+    done = hostapd.requests = 0;
+    take_off(500);
+    assert_string_equal(left, left_alone);
+    assert_int_equal(hostapd.requests, 0);
+    run_ms(60000);
+    hostapd.passes = false;
+    done = 0;
+    take_off(500);
+    assert_string_equal(left, "");
+}
+
 static void no_radio_at_all_is_done_at_once(void **state)
 {
     (void)state;
@@ -302,6 +329,7 @@ int main(void)
         TEST(a_hostapd_that_refuses_or_hangs_is_named),
         TEST(without_hostapd_it_depends_on_the_interface),
         TEST(all_radios_are_seen_to_whatever_one_of_them_does),
+        TEST(a_hostapd_that_passes_descriptors_is_left_alone_and_bluetooth_is_switched_off),
         TEST(no_radio_at_all_is_done_at_once),
         TEST(stopped_it_says_and_does_nothing_more),
         TEST(the_plan_follows_the_configuration),

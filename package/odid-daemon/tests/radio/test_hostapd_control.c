@@ -1,4 +1,6 @@
 /* Requests and replies over a real datagram socket. */
+#include <fcntl.h>
+#include <poll.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -183,6 +185,85 @@ static void nobody_else_can_answer(void **state)
     close(stranger);
 }
 
+/* ---- descriptors: to close them may take 20 ms each ---- */
+
+/* One end of a pipe is on its way to us, and nobody else has it; returns the other end. */
+static int pass_a_pipe(const char *text)
+{
+    int ends[2];
+
+    assert_int_equal(pipe2(ends, O_CLOEXEC), 0);
+    assert_true(fake_pass(&fake, text, ends[0]));
+    close(ends[0]);
+    return ends[1];
+}
+
+static bool is_closed(int other_end)
+{
+    struct pollfd poll_end = {.fd = other_end};
+    bool closed = poll(&poll_end, 1, 0) > 0 && (poll_end.revents & POLLERR);
+
+    close(other_end);
+    return closed;
+}
+
+static void ask_and_hear(void)
+{
+    replies = 0;
+    assert_int_equal(hostapd_control_request(&control, "STATUS", loop_now_us()), 0);
+    assert_true(loop_until(it_replied, 500));
+}
+
+static void descriptors_are_not_taken_and_who_passes_them_is_left_alone(void **state)
+{
+    int other_end;
+
+    (void)state;
+    ask_and_hear();
+    other_end = pass_a_pipe("OK\n");
+    fake_reply(&fake, "OK\n");
+    assert_true(loop_until(it_was_lost, 500));
+    assert_int_equal(error, HOSTAPD_PASSED);
+    assert_int_equal(lost, 1);
+    assert_int_equal(open_control(), HOSTAPD_PASSED);
+    fake_hostapd_die(&fake);
+    fake_hostapd_run(&fake); /* it can make as many sockets as it likes */
+    assert_int_equal(open_control(), HOSTAPD_PASSED);
+    assert_false(is_closed(other_end));
+}
+
+static void it_is_left_alone_twice_as_long_each_time(void **state)
+{
+    (void)state;
+    for (int alone_s = 60; alone_s <= 240; alone_s *= 2) {
+        lost = 0;
+        ask_and_hear();
+        assert_false(is_closed(pass_a_pipe("OK\n")));
+        assert_true(loop_until(it_was_lost, 500));
+        run_ms((alone_s - 1) * 1000);
+        assert_int_equal(open_control(), HOSTAPD_PASSED);
+        run_ms(1000);
+        assert_int_equal(open_control(), 0);
+    }
+}
+
+/* What is behind an answer, which nobody has read yet when the next request fails. */
+static void descriptors_that_were_not_seen_yet_are_not_closed_either(void **state)
+{
+    int other_end;
+
+    (void)state;
+    ask_and_hear();
+    fake_reply(&fake, "<3>AP-STA-CONNECTED 02:00:00:00:00:01");
+    other_end = pass_a_pipe("OK\n");
+    fake_hostapd_die(&fake);
+    assert_true(hostapd_control_request(&control, "STATUS", loop_now_us()) < 0);
+    hostapd_control_close(&control);
+    assert_false(is_closed(other_end));
+    fake_hostapd_run(&fake);
+    assert_int_equal(open_control(), HOSTAPD_PASSED);
+}
+
 static void paths_that_are_too_long_are_refused(void **state)
 {
     char directory[200];
@@ -205,6 +286,9 @@ int main(void)
         TEST(a_hostapd_that_is_gone_is_noticed_by_the_next_request),
         TEST(a_hostapd_without_our_rights_can_answer),
         TEST(nobody_else_can_answer),
+        TEST(descriptors_are_not_taken_and_who_passes_them_is_left_alone),
+        TEST(it_is_left_alone_twice_as_long_each_time),
+        TEST(descriptors_that_were_not_seen_yet_are_not_closed_either),
         TEST(paths_that_are_too_long_are_refused),
     };
 
