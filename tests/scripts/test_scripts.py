@@ -427,7 +427,7 @@ def test_mavlink_router(appliance, address, endpoint):
     assert "@" not in str(made)
 
 
-@pytest.mark.parametrize("vehicle", [None, "7"])
+@pytest.mark.parametrize("vehicle", [None, "7", "42", "199", "255"])
 def test_nobody_on_the_ground_speaks_as_the_vehicle(appliance, vehicle):
     appliance.settings(ground_station__address="10.0.0.9")
     if vehicle:
@@ -1570,8 +1570,9 @@ def test_a_damaged_name_takes_remote_id_off_nothing(first_start, damaged):
     first_start.must("/lib/odid/hostapd-config /run/hostapd.conf")
 
 
-def test_a_damaged_vehicle_takes_no_telemetry_away(appliance):
-    appliance.write("data/odid/vehicle", "1|x\n")
+@pytest.mark.parametrize("damaged", ["1|x", "0", "007", "256", "300", "99999999999999999999", "7 8"])
+def test_a_damaged_vehicle_takes_no_telemetry_away(appliance, damaged):
+    appliance.write("data/odid/vehicle", damaged + "\n")
     made = appliance.must("/lib/odid/mavlink-router-config /dev/ttyACM1")
     assert "SnifferSysid = 1\n" in made and "Device = /dev/ttyACM1\n" in made
 

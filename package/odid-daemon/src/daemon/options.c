@@ -68,6 +68,20 @@ static bool read_system_id(const char *text, uint8_t *system_id)
     return value >= 1;
 }
 
+/* text may be NULL. The appliance's comes from a file that may be damaged: no reason to be silent.
+ */
+static void expect_vehicle(struct options *options, const char *text)
+{
+    char sentence[CONFIG_PROBLEM_SIZE];
+
+    if (text != NULL && !read_system_id(text, &options->expected_vehicle)) {
+        options->expected_vehicle = 0;
+        snprintf(sentence, sizeof(sentence), "-expect-vehicle %.32s: expected 1-255; not used",
+                 text);
+        report(options, CONFIG_WARNING, sentence);
+    }
+}
+
 bool options_read(struct options *options, int argc, char *const argv[])
 {
     enum {
@@ -93,7 +107,7 @@ bool options_read(struct options *options, int argc, char *const argv[])
         {"version", no_argument, NULL, FLAG_VERSION},
         {NULL, 0, NULL, 0},
     };
-    const char *file = CONFIG_FILE;
+    const char *file = CONFIG_FILE, *vehicle = NULL;
     bool no_wifi = false, no_bt = false, debug = false;
     int flag;
 
@@ -122,10 +136,7 @@ bool options_read(struct options *options, int argc, char *const argv[])
             options->appliance = true;
             break;
         case FLAG_VEHICLE:
-            if (!read_system_id(optarg, &options->expected_vehicle)) {
-                fprintf(stderr, "odid-daemon: -expect-vehicle %s: expected 1-255\n", optarg);
-                return false;
-            }
+            vehicle = optarg;
             break;
         case FLAG_VERSION:
             options->version = true;
@@ -146,6 +157,7 @@ bool options_read(struct options *options, int argc, char *const argv[])
     if (options->appliance) {
         config_keep_appliance(&options->config, report, options);
     }
+    expect_vehicle(options, vehicle);
     forget_secrets();
     /* odidctl's concern, and not to be found here. */
     explicit_bzero(options->config.maintenance_password,

@@ -134,12 +134,45 @@ static void the_appliances_places_are_the_images(void **state)
     unlink(path);
 }
 
+static bool is_reported(const struct options *options, const char *what)
+{
+    for (unsigned i = 0; i < options->reports; i++) {
+        if (strstr(options->report[i], what) != NULL) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/* One that nobody can be is no reason to be silent: it is as if there were none. */
+static void a_vehicle_that_cannot_be_is_none(void **state)
+{
+    static const char *const wrong[] = {"0", "256", "300", "4294967297", "", "1x", "-1"};
+    static const char not_used[] = "expected 1-255; not used";
+    static struct options options;
+    char *arguments[] = {"odid-daemon", "-config", "/dev/null", "-expect-vehicle", "255", NULL};
+
+    (void)state;
+    optind = 1;
+    assert_true(options_read(&options, 5, arguments));
+    assert_int_equal(options.expected_vehicle, 255);
+    assert_false(is_reported(&options, not_used));
+    for (size_t i = 0; i < sizeof(wrong) / sizeof(wrong[0]); i++) {
+        arguments[4] = (char *)(uintptr_t)wrong[i];
+        optind = 1;
+        assert_true(options_read(&options, 5, arguments));
+        assert_int_equal(options.expected_vehicle, 0);
+        assert_true(is_reported(&options, not_used));
+    }
+}
+
 int main(int argc, char *argv[])
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(no_secret_in_the_environment),
         cmocka_unit_test(no_password_is_kept),
         cmocka_unit_test(the_appliances_places_are_the_images),
+        cmocka_unit_test(a_vehicle_that_cannot_be_is_none),
     };
 
     (void)argv;
