@@ -7,6 +7,9 @@
 
 #include "base/duration.h"
 
+/* Whole seconds, what our own clock drifts until the next line, leap seconds that come late. */
+#define CLOCK_JUMP_US 10000000
+
 /* ---- what follows from a record ---- */
 
 bool flight_required(const struct recorder_flight *record, enum channel channel)
@@ -130,6 +133,17 @@ static void append_unwatched(char sentence[FLIGHT_SENTENCE_SIZE],
     }
 }
 
+/* The record's date is then to be taken with care: somebody may speak as the satellites. */
+static void append_clock(char sentence[FLIGHT_SENTENCE_SIZE], const struct recorder_flight *record)
+{
+    char way[32];
+
+    if (record->clock_jump_us > CLOCK_JUMP_US) {
+        duration_text(way, sizeof(way), duration_s(record->clock_jump_us));
+        append(sentence, "; the autopilot's clock jumped by %s", way);
+    }
+}
+
 /* Each start costs a moment of everything, which may be too short to be a gap. */
 static void append_restarts(char sentence[FLIGHT_SENTENCE_SIZE],
                             const struct recorder_flight *record)
@@ -223,4 +237,5 @@ void flight_judge(char sentence[FLIGHT_SENTENCE_SIZE], const struct flight *flig
     } else {
         judge_unarmed(sentence, record);
     }
+    append_clock(sentence, record);
 }

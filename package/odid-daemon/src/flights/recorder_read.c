@@ -1,6 +1,7 @@
 #include "flights/recorder_read.h"
 
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "base/utf8.h"
@@ -116,6 +117,25 @@ static void take_fault_over(struct recorder_flight *flight, struct json_object *
     }
 }
 
+/* ---- the clock ---- */
+
+/* The first one dates the record: nobody redates from afar, in the air, where the flight began. It
+ * had a fix as well as any later one (autopilot_clock.h). */
+static void take_clock(struct recorder_flight *flight, int64_t utc_us, int64_t at_us)
+{
+    int64_t offset_us = utc_us - at_us, way_us = llabs(offset_us - flight->clock_last_us);
+
+    if (utc_us == 0) {
+        return;
+    }
+    if (flight->clock_offset_us == 0) {
+        flight->clock_offset_us = offset_us;
+    } else if (way_us > flight->clock_jump_us) {
+        flight->clock_jump_us = way_us;
+    }
+    flight->clock_last_us = offset_us;
+}
+
 /* ---- lines ---- */
 
 static void take_event(struct recorder_flight *flight, const char *event, struct json_object *line,
@@ -131,9 +151,7 @@ static void take_event(struct recorder_flight *flight, const char *event, struct
     } else if (strcmp(event, "totals") == 0) {
         take_totals(flight, line, at_us);
     } else if (strcmp(event, "clock") == 0) {
-        int64_t utc_us = recorder_json_utc_us(line, "utc");
-
-        flight->clock_offset_us = utc_us == 0 ? flight->clock_offset_us : utc_us - at_us;
+        take_clock(flight, recorder_json_utc_us(line, "utc"), at_us);
     } else if (strcmp(event, "armed") == 0 || strcmp(event, "disarmed") == 0) {
         take_armed(&flight->totals, strcmp(event, "armed") == 0, at_us);
     } else if (strcmp(event, "fault") == 0) {

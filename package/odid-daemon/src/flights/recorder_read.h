@@ -15,7 +15,9 @@ struct recorder_flight {
     unsigned dropped;        /* events that the record's bound cost */
     int64_t start_us;        /* when the recorder began; power-on is 0 */
     int64_t last_us;         /* the last instant that is spoken of */
-    int64_t clock_offset_us; /* UTC minus the record's time; 0 when it was never known */
+    int64_t clock_offset_us; /* UTC minus the record's time, as it was said first; 0: never known */
+    int64_t clock_last_us;   /* the same, as it was said last */
+    int64_t clock_jump_us;   /* the longest way, in either direction, from one to the next */
     struct recorder_totals totals;
     int64_t open_gap_us[CHANNELS]; /* unfinished ones, not in totals */
     unsigned faults;               /* of these the end isn't said */

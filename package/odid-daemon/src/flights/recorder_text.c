@@ -1,5 +1,6 @@
 #include "flights/recorder_text.h"
 
+#include <stdbool.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <string.h>
@@ -12,7 +13,7 @@ enum kind {
     KIND_EVENT,
     KIND_KEPT,    /* of which there are few */
     KIND_TOTALS,  /* the next one says it again */
-    KIND_CLOCK,   /* likewise */
+    KIND_CLOCK,   /* the first one dates the record, the next one says what the last one did */
     KIND_DROPPED, /* what we said about dropped lines */
 };
 
@@ -53,6 +54,17 @@ static enum kind kind_of(const struct recorder_text *text, size_t at)
     return KIND_EVENT;
 }
 
+/* Where the first line of that kind begins; SIZE_MAX when there is none. */
+static size_t find_first(const struct recorder_text *text, enum kind kind)
+{
+    for (size_t at = 0; at < text->length; at += line_length(text, at)) {
+        if (kind_of(text, at) == kind) {
+            return at;
+        }
+    }
+    return SIZE_MAX;
+}
+
 /* Where the last line of that kind begins; SIZE_MAX when there is none. */
 static size_t find_last(const struct recorder_text *text, enum kind kind)
 {
@@ -69,25 +81,27 @@ static size_t find_last(const struct recorder_text *text, enum kind kind)
 /* Leaves out what later lines say again; if that isn't enough, the oldest events. */
 static void shorten(struct recorder_text *text)
 {
-    size_t totals = find_last(text, KIND_TOTALS), clock = find_last(text, KIND_CLOCK);
+    size_t totals = find_last(text, KIND_TOTALS);
+    size_t dated = find_first(text, KIND_CLOCK), clock = find_last(text, KIND_CLOCK);
     size_t filled = 0, length, excess, kept = 0;
+    bool said;
 
     for (size_t at = 0; at < text->length; at += line_length(text, at)) {
         enum kind kind = kind_of(text, at);
 
-        kept += kind == KIND_EVENT || kind == KIND_KEPT || at == totals || at == clock
-                    ? line_length(text, at)
-                    : 0;
+        said = at == totals || at == dated || at == clock;
+        kept += kind == KIND_EVENT || kind == KIND_KEPT || said ? line_length(text, at) : 0;
     }
     excess = kept + DROPPED_SIZE > SHORT_MAX ? kept + DROPPED_SIZE - SHORT_MAX : 0;
     for (size_t at = 0; at < text->length; at += length) {
         enum kind kind = kind_of(text, at);
 
+        said = at == totals || at == dated || at == clock;
         length = line_length(text, at);
         if (kind == KIND_EVENT && excess > 0) {
             excess -= length < excess ? length : excess;
             text->dropped++;
-        } else if (kind == KIND_EVENT || kind == KIND_KEPT || at == totals || at == clock) {
+        } else if (kind == KIND_EVENT || kind == KIND_KEPT || said) {
             memmove(text->bytes + filled, text->bytes + at, length);
             filled += length;
         }

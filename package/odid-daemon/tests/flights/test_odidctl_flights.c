@@ -436,6 +436,25 @@ static void what_was_sent_of_a_simulation_is_in_the_verdict(void **state)
         "10 s\n");
 }
 
+/* One who speaks as the satellites, near the end, redated the whole power-on. */
+static void a_clock_that_jumps_redates_nothing_and_is_in_the_verdict(void **state)
+{
+    (void)state;
+    take_off();
+    bench.snapshot.unix_us = UTC;
+    pass(100);
+    bench.snapshot.unix_us += 3 * SECOND; /* leap seconds, drift */
+    pass(100);
+    end_and_show();
+    expect("Flight record 7: on the air the whole flight, the record ends while armed\n");
+    bench.snapshot.unix_us -= 5 * 86400 * SECOND;
+    pass(100);
+    end_and_show();
+    expect("2026-01-02T03:03:5");
+    expect("Flight record 7: on the air the whole flight, the record ends while armed; the "
+           "autopilot's clock jumped by 5 days\n");
+}
+
 /* Every receiver showed a failure, and then an emergency, of a flight that passed for a good one.
  */
 static void what_every_receiver_was_told_is_in_the_verdict(void **state)
@@ -587,6 +606,7 @@ int main(void)
         TEST(one_in_detail),
         TEST(what_nobody_looked_at_is_in_the_verdict),
         TEST(what_was_sent_of_a_simulation_is_in_the_verdict),
+        TEST(a_clock_that_jumps_redates_nothing_and_is_in_the_verdict),
         TEST(what_every_receiver_was_told_is_in_the_verdict),
         TEST(a_record_moves_no_cursor),
         TEST(months_in_detail),

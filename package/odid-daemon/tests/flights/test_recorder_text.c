@@ -89,6 +89,32 @@ static void months_of_power(void **state)
     assert_non_null(memmem(bench.text.bytes + bench.text.length - 2048, 2048, "\"fault\"", 7));
 }
 
+/* The first one dates the record; that another one came is known by the last one. */
+static void of_a_clock_that_jumps_the_first_and_the_last_word_are_kept(void **state)
+{
+    int64_t offset_us;
+
+    (void)state;
+    take_off();
+    bench.snapshot.unix_us = UTC;
+    pass(1);
+    read_record();
+    offset_us = bench.flight.clock_offset_us;
+    assert_int_not_equal(offset_us, 0);
+    for (int i = 0; i < 3000; i++) {
+        bench.snapshot.unix_us += i % 100 == 0 ? 3600 * SECOND : 0;
+        bench.snapshot.link = i % 2 == 0;
+        pass(1);
+        bench.text.stored = bench.text.length;
+    }
+    read_record();
+    assert_true(bench.flight.dropped > 0);
+    assert_in_range(count_in_text("\"event\":\"clock\""), 2, 29);
+    assert_int_equal(bench.flight.clock_offset_us, offset_us);
+    assert_int_equal(bench.flight.clock_last_us, offset_us + 30 * 3600 * SECOND);
+    assert_true(bench.flight.clock_jump_us >= 3600 * SECOND);
+}
+
 /* Whoever runs on the board can pretend one each second, and a server can offer what is refused. */
 static void a_thousand_updates_take_nothing_else(void **state)
 {
@@ -281,6 +307,7 @@ int main(void)
         TEST(totals_that_were_not_written_are_replaced),
         TEST(a_long_flight_keeps_its_events),
         TEST(months_of_power),
+        TEST(of_a_clock_that_jumps_the_first_and_the_last_word_are_kept),
         TEST(a_thousand_updates_take_nothing_else),
         TEST(what_was_dropped_is_known_after_a_restart),
         TEST(a_file_of_something_else),
