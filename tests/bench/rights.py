@@ -257,7 +257,7 @@ def running(machine):
     # All but what belongs to single processes, and the sockets at which hostapd_cli waits for an answer: they come and go.
     machine.must("for one in /*; do [ $one = /proc ] || find $one ! -type l ! -path '/run/hostapd-cli/*'; done >/tmp/paths; "
                  "find /proc/[a-z]* ! -type l >>/tmp/paths; true")
-    nobody = machine.must("chpst -u nobody:nogroup sleep 60 >/dev/null & echo $!").strip()
+    nobody = machine.must("chpst -u nobody sleep 60 >/dev/null & echo $!").strip()
     time.sleep(0.5)
     common = writable(machine, nobody)
     machine.run(f"kill {nobody}")
