@@ -40,7 +40,7 @@ def provided():
 def commands(text):
     """Words in the place of a command; a rough reading of the shell that is enough for ours."""
     text = re.sub(r"\\\n", " ", text)
-    text = re.sub(r"<<-?'?(\w+)'?([^\n]*)\n.*?\n\1\n", r"\2\n", text, flags=re.S)
+    text = re.sub(r"<<-?'?(\w+)'?([^\n]*)\n.*?\n\t*\1\n", r"\2\n", text, flags=re.S)
     text = re.sub(r"'[^']*'", "''", text)                               # awk and sed have words of their own
     text = re.sub(r"(^|\s)#[^\n]*", r"\1", text)
     text = re.sub(r"\$\(\((?:[^()]|\([^()]*\))*\)\)", "0", text)          # arithmetic

@@ -379,6 +379,37 @@ def test_a_device_that_does_not_answer_keeps_nobody_from_the_others(two_autopilo
     assert two_autopilots.must("/lib/odid/autopilot-port").split() == ["/dev/ttyACM1", "/dev/ttyACM0"]
 
 
+def silent_devices(appliance):
+    """Six that don't answer, one of them with as many ports as one can have, and that they do so for two seconds."""
+    for interface in range(15):
+        appliance.port(f"ttyACM{interface + 2}", "1-3", interface, idVendor="1209", idProduct="0001")
+    for number in range(5):
+        appliance.port(f"ttyUSB{number + 1}", f"1-4.{number}", 0, 0, idVendor="0403", idProduct="6001")
+    for device in ("1-3", *(f"1-4.{number}" for number in range(5))):
+        os.mkfifo(appliance.root / "sys/devices" / device / "product")
+    appliance.change("lib/odid/autopilot-port", ("timeout -s KILL 1 ", "echo >>/asked; timeout -s KILL 2 "))
+
+
+def test_devices_that_do_not_answer_cost_a_second_together(two_autopilots):
+    """It was one for each of their ports, at each look of mdev's, the router's and its judge's."""
+    silent_devices(two_autopilots)
+    begun = time.monotonic()
+    assert two_autopilots.must("/lib/odid/autopilot-port").split() == ["/dev/ttyACM1", "/dev/ttyUSB0", "/dev/ttyACM0"]
+    assert time.monotonic() - begun < 10, "they were asked one after the other"
+    assert len(two_autopilots.read("asked")) == 6 + 2, "a device is asked once"
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_for_a_port_that_is_not_on_usb_no_device_is_asked(two_autopilots, there):
+    silent_devices(two_autopilots)
+    two_autopilots.settings(autopilot__device="/dev/ttyAMA2")
+    if there:
+        two_autopilots.must("mknod /dev/ttyAMA2 c 4 66")
+    result = two_autopilots.run("/lib/odid/autopilot-port")
+    assert (result.returncode, result.stdout) == ((0, "/dev/ttyAMA2\n") if there else (1, ""))
+    assert not two_autopilots.exists("asked")
+
+
 @pytest.mark.parametrize("wanted", ["usb:26ac:0011", "/dev/ttyAMA3", "/dev/serial/by-id/usb-Other-if00"])
 def test_a_port_that_is_not_there_is_not_replaced_by_another(two_autopilots, wanted):
     two_autopilots.settings(autopilot__device=wanted)
