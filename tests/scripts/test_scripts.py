@@ -977,6 +977,14 @@ sed -n "$(wc -l </asked)p;\\$p" /words | head -n 1
     decided(appliance, calls, asked=0 if words == ["disarmed once 1"] else len(words))
 
 
+def test_maintenance_that_nobody_asked_for_ends_with_its_setting(appliance):
+    """It was "in effect", and stayed open until the aircraft was armed."""
+    appliance.write("lib/odid/maintenance", '#!/bin/sh\necho "$1" >>/calls\n[ "$1" = off ] || echo no >/at_boot\n')
+    appliance.write("usr/bin/odidctl", '#!/bin/sh\n[ "$1" = armed ] && echo disarmed never 0 || cat /at_boot\n')
+    appliance.write("at_boot", "yes\n")
+    decided(appliance, ["on", "off"])
+
+
 def test_in_flight_nobody_looks_again(appliance):
     """Until the daemon's word changes: inotifyd then runs it once more."""
     appliance.write("armed", "armed once 1\n")
