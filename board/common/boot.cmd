@@ -4,6 +4,7 @@
 #   upgrade_available  1 while `trial` is on trial; U-Boot counts starts in bootcount only then
 #   trial_failed       set here: the slot whose trial failed last; kept for whoever asks why
 #   trial_reason       set with it: three-restarts, or too-many-starts (the limit, see below)
+#   unverified         odid-update's: the slot that is written to, where /data keeps no record of it
 #   restarts           counted here: starts that weren't power-ons, so panics and hangs; switching
 #                      off never counts. odid-update makes it 0 when it runs, on trial when all is well
 #   disk, console, *_addr_r   the board's, from its u-boot.env

@@ -344,7 +344,8 @@ static void explain_fallback(const char *fallback)
                  self.record.to[0] == '\0' ? "(not known)" : self.record.to, why);
 }
 
-/* No trial, no restarts: the slot that U-Boot has for the committed one stays that. */
+/* No trial, no restarts, nothing unverified: the slot that U-Boot has for the committed one stays
+ * that. */
 static void settle(enum update_report report)
 {
     struct update_variables settled = {.slot = self.variables.slot};
@@ -360,6 +361,14 @@ static bool was_given_up(void)
 
     whole_file_line(DATA "/" UPDATE_BACK_FILE, version, sizeof(version));
     return strcmp(version, self.version) == 0;
+}
+
+/* Nothing of it was marked to be started. Where the other slot is the committed one, it isn't meant
+ * any more. */
+static bool was_broken_off(bool recorded)
+{
+    return recorded ||
+           (self.variables.slot == self.running && self.variables.unverified == self.other);
 }
 
 /* What the boot loader and an earlier process left behind. first: since power-on; later the
@@ -402,12 +411,15 @@ static void resume(bool first, int64_t now_us)
         if (recorded && self.record.slot == self.running) {
             service_keep(&self, UPDATE_INSTALLED, self.version, "Version %s is installed.",
                          self.version);
-        } else if (recorded && first) {
+        } else if (first && was_broken_off(recorded)) {
             protect_other(true);
-            service_keep(&self, UPDATE_REFUSED, self.record.to,
-                         "The update was broken off, by power or a restart; nothing has changed.");
+            if (recorded) { /* else it may have ended long ago, and its result stands there */
+                service_keep(
+                    &self, UPDATE_REFUSED, self.record.to,
+                    "The update was broken off, by power or a restart; nothing has changed.");
+            }
         }
-        if (variables->restarts != 0) {
+        if (variables->restarts != 0 || (first && variables->unverified != '\0')) {
             settle(UPDATE_REPORT_AS_IT_IS); /* we came up */
         }
     }

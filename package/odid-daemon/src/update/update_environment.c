@@ -184,6 +184,7 @@ int update_variables_read(const char *config, const char *defaults, char running
     variables->slot = slot_variable(context, "slot");
     variables->trial = slot_variable(context, "trial");
     variables->trial_failed = slot_variable(context, "trial_failed");
+    variables->unverified = slot_variable(context, "unverified");
     value = libuboot_get_env(context, "upgrade_available");
     variables->upgrade_available = value != NULL && strcmp(value, "1") == 0;
     free(value);
@@ -227,6 +228,7 @@ int update_variables_write(const char *config, const struct update_variables *va
     set_slot(context, "slot", variables->slot);
     set_slot(context, "trial", variables->trial);
     set_slot(context, "trial_failed", variables->trial_failed);
+    set_slot(context, "unverified", variables->unverified);
     libuboot_set_env(context, "trial_reason", NULL);
     libuboot_set_env(context, "upgrade_available", variables->upgrade_available ? "1" : "0");
     snprintf(restarts, sizeof(restarts), "%x", variables->restarts);

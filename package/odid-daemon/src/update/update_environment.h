@@ -20,7 +20,8 @@ bool update_environment_find(const char *volume, const char *mount_point, const 
 
 struct update_variables {
     char slot, trial, trial_failed; /* 'a', 'b', or '\0' for none */
-    char trial_reason[32];          /* why boot.cmd gave trial_failed up; only read */
+    char unverified; /* likewise: the slot that is written to, where /data keeps no record of it */
+    char trial_reason[32]; /* why boot.cmd gave trial_failed up; only read */
     bool upgrade_available;
     unsigned restarts; /* that weren't power-ons, as boot.cmd counts them */
 };

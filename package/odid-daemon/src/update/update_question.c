@@ -84,17 +84,22 @@ static void fill_offer(struct update_offer *offer, const struct update_bundle *b
 }
 
 /* The boot loader may have taken this slot because the committed one is damaged: from now on it is
- * the one that a failed trial goes back to. */
-static int keep_this_slot(const struct update_question *question)
+ * the one that a failed trial goes back to. And where /data keeps no record of the update, it
+ * stands here that one was begun: what power breaks off is taken away at the next start. */
+static int keep_this_slot(const struct update_question *question, bool remembers)
 {
     struct update_variables variables;
     bool damaged;
     int result =
         update_variables_read(ENVIRONMENT_CONFIG, NULL, question->running, &variables, &damaged);
 
-    if (result == 0 && variables.slot != question->running) {
+    if (result == 0 && (variables.slot != question->running || !remembers)) {
+        enum update_report report =
+            variables.slot == question->running ? UPDATE_REPORT_AS_IT_IS : UPDATE_REPORT_NOTHING;
+
         variables.slot = question->running;
-        result = update_variables_write(ENVIRONMENT_CONFIG, &variables, UPDATE_REPORT_NOTHING);
+        variables.unverified = question->other;
+        result = update_variables_write(ENVIRONMENT_CONFIG, &variables, report);
     }
     return result;
 }
@@ -112,7 +117,7 @@ void update_question_answer(const struct update_question *question,
         fill_offer(&offer, &bundle, question);
         if (update_offer_judge(&offer, answer, UPDATE_SENTENCE_SIZE)) {
             answer[0] = '\0';
-            if (keep_this_slot(question) < 0) {
+            if (keep_this_slot(question, offer.remembers) < 0) {
                 snprintf(answer, UPDATE_SENTENCE_SIZE, "U-Boot's environment can't be written.");
             } else if (!update_slot_protect(question->other, false)) {
                 snprintf(answer, UPDATE_SENTENCE_SIZE, "The slot can't be made writable.");

@@ -173,7 +173,7 @@ int model_gate_ask(const char *directory, const char *question, char answer[UPDA
 void update_question_answer(const struct update_question *question,
                             char answer[UPDATE_SENTENCE_SIZE])
 {
-    (void)question;
+    board.variables.unverified = board.no_record ? question->other : '\0';
     board.writable = true;
     answer[0] = '\0'; /* nothing speaks against it */
 }
@@ -263,8 +263,10 @@ static void written(void)
 
 static void mark(void)
 {
-    board.variables =
-        (struct update_variables){.slot = 'a', .trial = 'b', .upgrade_available = true};
+    board.variables.slot = 'a';
+    board.variables.trial = 'b';
+    board.variables.trial_failed = '\0';
+    board.variables.upgrade_available = true;
 }
 
 /* All that was on the air in slot a is, at first. */
@@ -922,6 +924,51 @@ static void what_was_called_off_is_not_started(void **state)
     assert_int_equal(self.update.state, UPDATE_IDLE);
 }
 
+/* Where /data kept no record, what nobody had verified could be started for good. */
+static void what_power_broke_off_is_taken_away(void **state)
+{
+    for (unsigned recorded = 0; recorded < 2; recorded++) {
+        setup(state);
+        slot_a_runs_1_0_0();
+        board.no_record = !recorded;
+        written();
+        begin(false); /* SWUpdate writes on */
+        assert_false(board.spoilt);
+        assert_int_equal(board.variables.unverified, recorded ? '\0' : 'b');
+        begin(true);
+        assert_true(board.spoilt);
+        assert_false(board.writable);
+        assert_int_equal(board.variables.unverified, '\0');
+        assert_int_equal(board.variables.slot, 'a');
+        board.spoilt = false;
+        begin(true);
+        assert_false(board.spoilt);
+    }
+}
+
+static void what_was_written_to_its_end_is_not_taken_away(void **state)
+{
+    (void)state;
+    board.bt5 = "on air";
+    slot_a_runs_1_0_0();
+    board.no_record = true;
+    written();
+    mark(); /* and power fails, before SWUpdate has said so */
+    begin(true);
+    assert_int_equal(self.update.state, UPDATE_WAITING);
+    put(STATE "/slot", "b\n");
+    put(VERSION_FILE, "1.1.0\n");
+    begin(true);
+    it_is_kept(true);
+    assert_int_equal(board.variables.unverified, '\0');
+    board.variables.unverified = 'b'; /* a version without that mark has left it */
+    put(STATE "/slot", "a\n");
+    begin(true); /* the committed one was restarted three times */
+    assert_false(board.spoilt);
+    assert_int_equal(board.variables.slot, 'b');
+    assert_int_equal(board.variables.unverified, '\0');
+}
+
 static void what_was_called_off_before_the_gate_is_not_written(void **state)
 {
     (void)state;
@@ -985,6 +1032,8 @@ int main(void)
         cmocka_unit_test_setup(one_that_was_rolled_back_has_its_trial_when_it_is_given_again,
                                setup),
         cmocka_unit_test_setup(what_was_called_off_is_not_started, setup),
+        cmocka_unit_test_setup(what_power_broke_off_is_taken_away, setup),
+        cmocka_unit_test_setup(what_was_written_to_its_end_is_not_taken_away, setup),
         cmocka_unit_test_setup(what_was_called_off_before_the_gate_is_not_written, setup),
         cmocka_unit_test_setup(who_arms_while_it_flushes_is_not_restarted, setup),
     };

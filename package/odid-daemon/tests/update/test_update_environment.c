@@ -127,7 +127,8 @@ static void both_damaged_are_made_anew(void **state)
 
 static void all_are_written_at_once(void **state)
 {
-    struct update_variables variables = {.slot = 'a', .trial = 'b', .upgrade_available = true};
+    struct update_variables variables = {
+        .slot = 'a', .trial = 'b', .unverified = 'b', .upgrade_available = true};
     bool repaired;
 
     (void)state;
@@ -140,6 +141,11 @@ static void all_are_written_at_once(void **state)
     assert_true(variables.upgrade_available);
     assert_int_equal(variables.trial_failed, '\0');
     assert_string_equal(variables.trial_reason, "");
+    assert_int_equal(variables.unverified, 'b');
+    variables.unverified = '\0';
+    assert_int_equal(update_variables_write(config, &variables, UPDATE_REPORT_NOTHING), 0);
+    assert_int_equal(update_variables_read(config, defaults, 'a', &variables, &repaired), 0);
+    assert_int_equal(variables.unverified, '\0');
 }
 
 /* Made anew, a trial's variables would be gone, and the slot on trial be the committed one. */

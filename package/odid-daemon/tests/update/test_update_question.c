@@ -7,6 +7,7 @@
 
 #include <cmocka.h>
 
+#include <errno.h>
 #include <json-c/json_tokener.h>
 #include <stdlib.h>
 #include <string.h>
@@ -28,6 +29,9 @@
 /* ---- the models ---- */
 
 static bool protected;
+static struct update_variables stored; /* U-Boot's */
+static char report_of_it;
+static int fails; /* to be stored */
 
 struct json_object *model_fetch(const char *run_dir, int *error)
 {
@@ -47,15 +51,19 @@ int model_variables(const char *config, const char *defaults, char running,
                     struct update_variables *variables, bool *repaired)
 {
     (void)config, (void)defaults, (void)repaired;
-    *variables = (struct update_variables){.slot = running};
+    (void)running;
+    *variables = stored;
     return 0;
 }
 
 int model_write(const char *config, const struct update_variables *variables,
                 enum update_report report)
 {
-    (void)config, (void)variables, (void)report;
-    return 0;
+    (void)config;
+    assert_true(protected); /* first the mark */
+    stored = *variables;
+    report_of_it = (char)report;
+    return fails;
 }
 
 uint64_t model_octets(char slot)
@@ -144,10 +152,42 @@ static void an_older_one_is_refused_where_the_configuration_is_damaged_or_lost(v
     expect_answer("");
 }
 
+/* What power broke off stayed, startable. */
+static void where_data_keeps_no_record_the_slot_is_marked_before_it_can_be_written_to(void **state)
+{
+    (void)state;
+    offer("1.2.0");
+    PUT(CONFIGURATION, "; nothing\n");
+    unlink(FAULTS "/data");
+    stored = (struct update_variables){.slot = 'a', .restarts = 2};
+    expect_answer("");
+    assert_int_equal(stored.unverified, '\0'); /* its record does */
+    PUT(FAULTS "/data", "/data is full.\n");
+    expect_answer("");
+    assert_int_equal(stored.slot, 'a');
+    assert_int_equal(stored.unverified, 'b');
+    assert_int_equal(stored.restarts, 2);
+    assert_int_equal(report_of_it, UPDATE_REPORT_AS_IT_IS);
+    stored = (struct update_variables){.slot = 'b'}; /* it is damaged */
+    expect_answer("");
+    assert_int_equal(stored.slot, 'a');
+    assert_int_equal(report_of_it, UPDATE_REPORT_NOTHING);
+    stored.unverified = '\0';
+    offer("1.0.0");
+    PUT(CONFIGURATION, "[update]\nprevent_downgrade = yes\n");
+    expect_answer("prevent_downgrade = yes");
+    assert_int_equal(stored.unverified, '\0');
+    offer("1.2.0");
+    fails = -EIO;
+    expect_answer("can't be written");
+    fails = 0;
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(an_older_one_is_refused_where_the_configuration_is_damaged_or_lost),
+        cmocka_unit_test(where_data_keeps_no_record_the_slot_is_marked_before_it_can_be_written_to),
     };
 
     return cmocka_run_group_tests(tests, in_a_folder, leave_own_folder);
