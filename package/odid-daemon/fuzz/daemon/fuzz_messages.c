@@ -22,6 +22,7 @@ static void repair(const uint8_t *data, size_t size)
     view.self_id_set = as_bool(choice >> 2);
     view.location.height_above_ground = as_bool(choice >> 7);
     view.location.position_fresh = false;
+    view.description_spare = as_bool(choice >> 6);
     view.description[sizeof(view.description) - 1] = '\0';
     view.operator_id[sizeof(view.operator_id) - 1] = '\0';
     for (unsigned i = 0; i < TELEMETRY_AUTH_PAGES; i++) {
