@@ -180,9 +180,6 @@ struct aircraft {
     int64_t ground_jumped_us;  /* when the one that is heard did */
 };
 
-/* Is an instant, INT64_MIN for never, less than AIRCRAFT_FRESH_US ago? */
-bool aircraft_fresh(int64_t since_us, int64_t now_us);
-
 bool aircraft_native_fresh(const struct aircraft *aircraft, int64_t now_us);
 
 /* ---- aircraft_position.c ---- */

@@ -581,8 +581,7 @@ static void judge_contradictions(struct health *health, const struct health_inpu
  */
 static void judge_flood(struct health *health, const struct health_input *input, int64_t now_us)
 {
-    if (input->link->overrun_us != INT64_MIN &&
-        now_us - input->link->overrun_us < AIRCRAFT_FRESH_US) {
+    if (aircraft_fresh(input->link->overrun_us, now_us)) {
         WARNING("link-flooded",
                 "More comes to [mavlink] udp_port than anybody needs, and some of the autopilot's "
                 "is lost: find who sends it.",

@@ -427,17 +427,13 @@ bool telemetry_vehicle_settled(const struct telemetry *telemetry)
 bool telemetry_vehicle_speaks(const struct telemetry *telemetry, int64_t now_us)
 {
     return from_autopilot(telemetry, &telemetry->latest) &&
-           now_us - telemetry->latest_us < AIRCRAFT_FRESH_US;
-}
-
-static bool is_recent(int64_t at_us, int64_t now_us)
-{
-    return at_us != INT64_MIN && now_us - at_us < AIRCRAFT_FRESH_US;
+           aircraft_fresh(telemetry->latest_us, now_us);
 }
 
 bool telemetry_only_others_speak(const struct telemetry *telemetry, int64_t now_us)
 {
-    return is_recent(telemetry->others_us, now_us) && !is_recent(telemetry->autopilots_us, now_us);
+    return aircraft_fresh(telemetry->others_us, now_us) &&
+           !aircraft_fresh(telemetry->autopilots_us, now_us);
 }
 
 bool telemetry_heartbeat_missing(const struct telemetry *telemetry, int64_t now_us)

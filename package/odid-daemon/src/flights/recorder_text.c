@@ -54,23 +54,13 @@ static enum kind kind_of(const struct recorder_text *text, size_t at)
     return KIND_EVENT;
 }
 
-/* Where the first line of that kind begins; SIZE_MAX when there is none. */
-static size_t find_first(const struct recorder_text *text, enum kind kind)
-{
-    for (size_t at = 0; at < text->length; at += line_length(text, at)) {
-        if (kind_of(text, at) == kind) {
-            return at;
-        }
-    }
-    return SIZE_MAX;
-}
-
-/* Where the last line of that kind begins; SIZE_MAX when there is none. */
-static size_t find_last(const struct recorder_text *text, enum kind kind)
+/* Where the last line of that kind begins, or the first one; SIZE_MAX when there is none. */
+static size_t find(const struct recorder_text *text, enum kind kind, bool last)
 {
     size_t found = SIZE_MAX;
 
-    for (size_t at = 0; at < text->length; at += line_length(text, at)) {
+    for (size_t at = 0; at < text->length && (last || found == SIZE_MAX);
+         at += line_length(text, at)) {
         if (kind_of(text, at) == kind) {
             found = at;
         }
@@ -78,30 +68,39 @@ static size_t find_last(const struct recorder_text *text, enum kind kind)
     return found;
 }
 
+/* Where the lines are that speak for all of their kind. */
+struct speaking {
+    size_t totals, first_clock, last_clock;
+};
+
+static bool stays(const struct recorder_text *text, const struct speaking *speaking, size_t at)
+{
+    enum kind kind = kind_of(text, at);
+
+    return kind == KIND_EVENT || kind == KIND_KEPT || at == speaking->totals ||
+           at == speaking->first_clock || at == speaking->last_clock;
+}
+
 /* Leaves out what later lines say again; if that isn't enough, the oldest events. */
 static void shorten(struct recorder_text *text)
 {
-    size_t totals = find_last(text, KIND_TOTALS);
-    size_t dated = find_first(text, KIND_CLOCK), clock = find_last(text, KIND_CLOCK);
+    const struct speaking speaking = {
+        .totals = find(text, KIND_TOTALS, true),
+        .first_clock = find(text, KIND_CLOCK, false),
+        .last_clock = find(text, KIND_CLOCK, true),
+    };
     size_t filled = 0, length, excess, kept = 0;
-    bool said;
 
     for (size_t at = 0; at < text->length; at += line_length(text, at)) {
-        enum kind kind = kind_of(text, at);
-
-        said = at == totals || at == dated || at == clock;
-        kept += kind == KIND_EVENT || kind == KIND_KEPT || said ? line_length(text, at) : 0;
+        kept += stays(text, &speaking, at) ? line_length(text, at) : 0;
     }
     excess = kept + DROPPED_SIZE > SHORT_MAX ? kept + DROPPED_SIZE - SHORT_MAX : 0;
     for (size_t at = 0; at < text->length; at += length) {
-        enum kind kind = kind_of(text, at);
-
-        said = at == totals || at == dated || at == clock;
         length = line_length(text, at);
-        if (kind == KIND_EVENT && excess > 0) {
+        if (excess > 0 && kind_of(text, at) == KIND_EVENT) {
             excess -= length < excess ? length : excess;
             text->dropped++;
-        } else if (kind == KIND_EVENT || kind == KIND_KEPT || said) {
+        } else if (stays(text, &speaking, at)) {
             memmove(text->bytes + filled, text->bytes + at, length);
             filled += length;
         }
@@ -177,7 +176,7 @@ void recorder_text_load(struct recorder_text *text, const char *bytes, size_t le
     text->changed = text->changed || text->length != length;
     text->stored = text->changed ? 0 : text->length;
     memcpy(text->bytes, bytes, text->length);
-    at = find_last(text, KIND_DROPPED);
+    at = find(text, KIND_DROPPED, true);
     if (at != SIZE_MAX) {
         char line[DROPPED_SIZE];
 
