@@ -250,6 +250,8 @@ static int tear_down(void **state)
     if (keeper > 0) {
         kill(keeper, SIGKILL);
         waitpid(keeper, NULL, 0);
+        snprintf(path, sizeof(path), "%s/.odid-daemon", faults);
+        unlink(path); /* we may have killed it while it wrote a fault */
     }
     /* Its daemon should have gone with it; else, it is our child now. */
     if (starts(&last) > 0 && waitpid(last, NULL, WNOHANG) == 0) {
