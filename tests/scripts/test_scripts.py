@@ -1301,6 +1301,22 @@ def test_hostapd_s_answers_come_where_nobody_is_in_the_way():
     assert len(calls) == 3 and all("hostapd_cli -s /run/hostapd-cli " in line for line in calls)
 
 
+def test_what_was_said_during_boot_waits_for_who_keeps_it(appliance):
+    """Both are started at once: where klogd was first, the log began with whatever came later."""
+    appliance.write("usr/bin/klogd", NOTES)
+    appliance.must("chmod 755 /usr/bin/klogd; mkdir -p /run/log")
+    appliance.write("looks", "")
+    appliance.change("etc/sv/klogd/run", ("pause 1", "echo >>/looks && usleep 10000"), ("exec klogd", "exec /usr/bin/klogd"))
+    klogd = appliance.start("exec /etc/sv/klogd/run")
+    try:
+        wait_for("its looks", lambda: len(appliance.read("looks")) > 3)
+        assert appliance.calls() == []
+        os.mknod(appliance.root / "run/log/socket", stat.S_IFSOCK | 0o600)
+        assert klogd.wait(LIMIT_S) == 0 and appliance.calls() == ["klogd -n"]
+    finally:
+        klogd.kill()
+
+
 # --- services of other layers ----------------------------------------------------------
 
 
