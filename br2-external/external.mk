@@ -29,7 +29,7 @@ PACKAGES_BUSYBOX_CONFIG_FIXUPS += $(ODID_BUSYBOX_CONFIG)$(sep)
 # --- Updates come by HTTP and HTTPS --------------------------------------------
 
 # Who names an address, an update server's answer included, doesn't read this board's files by it.
-LIBCURL_CONF_OPTS += --disable-file --disable-ftp
+LIBCURL_CONF_OPTS += --disable-file --disable-ftp --disable-mqtt
 
 # --- No trace of the folder it was built in ------------------------------------
 
