@@ -243,12 +243,20 @@ class Front:
         if not self.orders.take():
             sys.exit(0)  # whoever started us is gone
 
+    def wait_s(self):
+        """Until something has to be done by itself; None: nothing has."""
+        return None
+
+    def idle(self):
+        """Called whenever something has happened, or the time has come."""
+
     def run(self):
         print("done", flush=True)
         while True:
-            for key, _ in self.selector.select():
+            for key, _ in self.selector.select(self.wait_s()):
                 if key.fd in self.selector.get_map():  # not unplugged meanwhile
                     key.data()
+            self.idle()
 
 
 class PtyFront(Front):
