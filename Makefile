@@ -143,6 +143,11 @@ appliance: base
 	@$(RUN) -m bench.image --add-to '$(IMAGE)'
 endif
 
+# A QEMU that has the Compute Module's processor and its peripherals.
+.PHONY: qemu-raspi
+qemu-raspi: debian
+	@tests/setup/qemu-raspi.sh
+
 # make image, source, legal, reproducible
 include board/common/image.mk
 
@@ -248,7 +253,7 @@ level-smoke: appliance
 	$(LEVEL) smoke $(RUN) -m pytest tests/smoke $(PYTEST)-smoke --junit-xml=build/test/smoke.xml
 
 .PHONY: level-system level-bench level-soak level-without
-level-system: appliance
+level-system: appliance qemu-raspi
 	$(LEVEL) system $(RUN) -m pytest $(TESTS) -m '$(SYSTEM)' $(PYTEST) --junit-xml=build/test/system.xml
 
 COMMAND = $(RUN) tests/run/command.py build/test/$(1).xml $(RUN)
@@ -286,7 +291,7 @@ mutants: daemon debian-tests
 		$(RUN) tests/mutants/run.py
 
 .PHONY: system faults-without smoke-without
-system: appliance debian-tests
+system: appliance debian-tests qemu-raspi
 	@$(RUN) -m pytest $(TESTS) -m '$(SYSTEM)' $(PYTEST)
 
 faults-without: appliance

@@ -90,8 +90,7 @@ buildroot: $(IMAGE_OUT)/defconfig
 	@$(BUILDROOT_MAKE) $(or $(GOALS),$(error buildroot: which of Buildroot's goals? GOALS=menuconfig))
 
 # What is in the built images, and the Compute Module's booted as far as QEMU can.
-test-image: setup
-	@tests/setup/qemu-raspi.sh
+test-image: setup qemu-raspi
 	@$(RUN) -m pytest tests/release -o cache_dir=build/pytest -ra
 
 # Kept when nothing in it is new: Buildroot goes on where it was.

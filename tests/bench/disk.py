@@ -29,14 +29,15 @@ def call(*words, **options):
 class Disk:
     """Changed only while no machine has it."""
 
-    def __init__(self, path, image=IMAGE):
+    def __init__(self, path, image=IMAGE, octets=None):
+        """octets: how large it is, where the image isn't as large as a machine wants it."""
         self.path, self.image = Path(path), Path(image).resolve()
         if not self.image.exists():
             raise FileNotFoundError(f"{self.image} isn't built: make appliance")
         self.path.unlink(missing_ok=True)
-        call("qemu-img", "create", "-q", "-f", "qcow2", "-F", "raw", "-b", self.image, self.path)
+        call("qemu-img", "create", "-q", "-f", "qcow2", "-F", "raw", "-b", self.image, self.path, *([octets] if octets else []))
 
-    def _place(self, number):
+    def place(self, number):
         """Offset and size of a partition, in octets."""
         table = json.loads(call("sfdisk", "--json", self.image))["partitiontable"]
         for entry in table["partitions"]:
@@ -45,7 +46,7 @@ class Disk:
         raise ValueError(f"{self.image}: no partition {number}")
 
     def _options(self, number):
-        offset, size = self._place(number)
+        offset, size = self.place(number)
         return (f"driver=raw,offset={offset},size={size},file.driver=qcow2,"
                 f"file.file.driver=file,file.file.filename={self.path}")
 
@@ -59,7 +60,7 @@ class Disk:
 
     def fill(self, number, octet, at=0, size=None):
         """Overwrites a partition, or size octets of it."""
-        offset, whole = self._place(number)
+        offset, whole = self.place(number)
         call("qemu-io", "-f", "qcow2", "-c", f"write -P {octet:#x} {offset + at} {size or whole}", self.path)
 
     def forget_partition(self, number):

@@ -166,6 +166,10 @@ class Machine:
     config: the files of the CONFIG volume; default: an identity as a society's technician gives it.
     """
 
+    channels = CHANNELS
+    disk_octets = None  # as many as the image has
+    of_qemu = ("qmp", "control", "fc")  # sockets that it makes
+
     def __init__(self, folder, config=None, image=disks.IMAGE, memory_mib=384, processors=2, own_time=False):
         self.folder = Path(folder)
         self.folder.mkdir(parents=True, exist_ok=True)
@@ -178,7 +182,7 @@ class Machine:
         self.set_log = self.folder / "set.jsonl"
         for old in (*self.folder.glob("*.log"), *self.folder.glob("*.jsonl"), self.pcap):
             old.unlink(missing_ok=True)
-        self.disk = disks.Disk(self.folder / "disk.qcow2", image)
+        self.disk = disks.Disk(self.folder / "disk.qcow2", image, self.disk_octets)
         if config is None:
             config = {"odid.conf": configuration()}
         if config:
@@ -191,19 +195,28 @@ class Machine:
         self.rootcanal = Rootcanal(self.folder / "rootcanal.log")
         try:
             self.air = Air(self.rootcanal.hci_port, self.pcap)
-            self.front = self._add(parts.Part(
-                parts.python("models.front", "--listen", self.front_port, "--hci-port", self.rootcanal.hci_port,
-                             "--set-log", self.set_log), self.folder / "front.log", orders=True, raised=True))
-            if self.front.process.stdout.readline().strip() != "done":
-                raise RuntimeError(f"the controller model didn't start: {self.front.log()}")
-            tap = self._add(parts.Part(parts.python(
-                "bench.tap", "--listen", self._sockets / "wifi", "--out", self.pcap),
-                self.folder / "tap.log", raised=True))
-            patience.wait_for("the capture", (self._sockets / "wifi").exists, part=tap)
+            self._start_radios()
             self.watch = quiet.Watch(self.folder / "quiet.jsonl")
         except BaseException:
             self.close()
             raise
+
+    def _start_radios(self):
+        """What is on the air, and what hears it."""
+        self.front = self._model("front", "--listen", self.front_port, "--hci-port", self.rootcanal.hci_port,
+                                 "--set-log", self.set_log)
+        tap = self._add(parts.Part(parts.python(
+            "bench.tap", "--listen", self._sockets / "wifi", "--out", self.pcap),
+            self.folder / "tap.log", raised=True))
+        patience.wait_for("the capture", (self._sockets / "wifi").exists, part=tap)
+
+    def _model(self, name, *words):
+        """A model that takes orders; it is ready."""
+        part = self._add(parts.Part(parts.python(f"models.{name}", *words), self.folder / f"{name}.log", orders=True,
+                                    raised=True))
+        if part.process.stdout.readline().strip() != "done":
+            raise RuntimeError(f"the model {name} didn't start: {part.log()}")
+        return part
 
     def _add(self, part):
         self.parts.append(part)
@@ -212,6 +225,7 @@ class Machine:
     # --- power --------------------------------------------------------------
 
     def _words(self, rtc, adapter, radios):
+        """QEMU's command line."""
         words = [
             "setpriv", "--pdeathsig", "KILL",  # it would go on, and cost much, when we are killed
             QEMU, "-M", "virt,gic-version=3", "-cpu", "cortex-a72", *self.timing, "-smp", self.processors,
@@ -246,14 +260,19 @@ class Machine:
             words += ["-device", "pci-testdev"]  # guest/root/etc/init.d/S05bench looks for it
         return words
 
+    @staticmethod
+    def _environment():
+        """QEMU's own."""
+        return parts.environment()
+
     def power_on(self, rtc=None, adapter=True, radios=True, wait=True):
         """rtc: the clock at power-on, as 1970-01-01T00:00:00; adapter: whether the autopilot is plugged in;
         radios: whether the board has any."""
-        for name in ("qmp", "control", "fc"):
+        for name in self.of_qemu:
             (self._sockets / name).unlink(missing_ok=True)
         self.powered_mono = time.monotonic()
         self._boot_from = self.console.stat().st_size if self.console.exists() else 0
-        self.qemu = parts.Part(self._words(rtc, adapter, radios), self.folder / "qemu.log")
+        self.qemu = parts.Part(self._words(rtc, adapter, radios), self.folder / "qemu.log", env=self._environment())
         with contextlib.suppress(PermissionError):  # else what else this machine does shows in the figures
             os.setpriority(os.PRIO_PROCESS, self.qemu.process.pid, NICENESS)
         try:
@@ -357,8 +376,10 @@ class Machine:
         except ValueError:
             return None
 
-    def wait_on_air(self, channels=CHANNELS, position=False):
-        """position: with a fresh one of the autopilot's."""
+    def wait_on_air(self, channels=None, position=False):
+        """channels: all of the machine's, unless some are named; position: with a fresh one of the autopilot's."""
+        channels = channels or self.channels
+
         def on_air():
             status = self.status()
             return (status is not None and (status["position"]["fresh"] or not position)
@@ -368,9 +389,9 @@ class Machine:
         except TimeoutError as error:
             raise TimeoutError(f"{error}; {self.run('odidctl status').output}") from None
 
-    def wait_all_five(self, channels=CHANNELS):
+    def wait_all_five(self, channels=None):
         """Until each message was heard on each channel, from now on."""
-        self.air.wait_all_five(channels, limit_s=patience.BOOTED_S)
+        self.air.wait_all_five(channels or self.channels, limit_s=patience.BOOTED_S)
 
     def console_text(self):
         """The console since the last power-on."""

@@ -163,7 +163,7 @@ def machine(tmp_path):
     if out is None or not (out / "images/disk.img").exists():
         pytest.skip("no image for cm4 is built: make image")
     if not QEMU.exists():
-        pytest.skip("no QEMU with the machine raspi4b: tests/setup/qemu-raspi.sh")
+        pytest.skip("no QEMU with the machine raspi4b: make qemu-raspi")
     one = Raspi(out, tmp_path)
     yield one
     one.card.unlink()           # pytest keeps folders of the last runs

@@ -76,14 +76,14 @@ def build():
         initrd = root.initrd(kernel, sysroot, busybox, inputs=[root.GUEST / "init", root.CONTENTS])
         slot = root.slot(root.root(
             kernel, initrd, sysroot, busybox, daemon, guest, release(),
-            inputs=[root.CONTENTS, root.USERS, root.KEYS / "trusted.pem", root.ENVIRONMENT_DEFAULTS,
+            inputs=[root.CONTENTS, root.PATCH, root.USERS, root.KEYS / "trusted.pem", root.ENVIRONMENT_DEFAULTS,
                     root.OVERLAY, root.GUEST / "root"]),
             inputs=[root.SEAL])
         whole = disk.disk(slot, inputs=[
             common / "genimage.cfg.in", common / "boot.cmd", common / "u-boot.fragment",
             board / "u-boot.env", disk.EXAMPLE])
         return {"disk.img": whole / "disk.img", "slot.img": slot / "slot.img",
-                "u-boot.bin": u_boot.result() / "u-boot.bin"}
+                "u-boot.bin": u_boot.result() / "u-boot.bin", "cm4.dtb": root.board_tree(kernel) / "cm4.dtb"}
 
 
 def main():

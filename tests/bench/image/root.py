@@ -6,11 +6,14 @@ import shutil
 import tomllib
 from pathlib import Path
 
+from models.bluetooth_chip import patch_file
+
 from .ours import CROSS
 from .steps import BuildError, call, files_of, step
 
 CONTENTS = Path("tests/bench/image/contents.toml")
 GUEST = Path("tests/bench/guest")
+PATCH = Path("tests/models/bluetooth_chip.py")     # a patch file that the model of the chip takes
 OVERLAY = Path("overlay")
 USERS = Path("board/common/users.txt")
 ENVIRONMENT_DEFAULTS = Path("board/qemu/u-boot.env")
@@ -163,6 +166,9 @@ def root(out, kernel, initrd, sysroot, busybox, daemon, guest_programs, release)
         put(sysroot / name, out / name)
     for name in ("regulatory.db", "regulatory.db.p7s"):
         put(sysroot / f"usr/lib/firmware/{name}-debian", out / "lib/firmware" / name)
+    patch = out / "lib/firmware/brcm/BCM4345C0.hcd"
+    patch.parent.mkdir(parents=True)
+    patch.write_bytes(patch_file())
     put(daemon / "usr", out / "usr")
     put(OVERLAY, out)
     put(GUEST / "root", out)
@@ -194,6 +200,13 @@ def initrd(out, kernel, sysroot, busybox):
     put_modules(tree, kernel, contents()["modules"]["initrd"])
     (out / "initrd").write_bytes(cpio(tree))
     shutil.rmtree(tree)
+
+
+@step
+def board_tree(out, kernel):
+    """The Compute Module's device tree, as this kernel has it."""
+    (tree,) = (kernel / "usr/lib").glob("linux-image-*/broadcom/bcm2711-rpi-cm4-io.dtb")
+    shutil.copyfile(tree, out / "cm4.dtb")
 
 
 def cpio(tree):

@@ -1,0 +1,97 @@
+"""The Compute Module's board in emulation (cm4.py): both radio chips behind the drivers that fly, an independent listener,
+and what has to come back by itself. Nothing here is about how long something takes.
+
+One machine is shared, in the order of this file."""
+
+import time
+
+import parts
+import pytest
+
+from . import flights
+from .cm4 import Cm4, missing_for_cm4
+
+COUNTED_TIMES = 5  # so often everything has to be heard before the judge is asked
+
+
+@pytest.fixture(scope="module")
+def machine(machine_possible):
+    reason = missing_for_cm4()
+    if reason:
+        pytest.skip(reason)
+    one = Cm4(parts.ROOT / "build/system/cm4")
+    try:
+        one.power_on()
+        one.wait_on_air()
+        yield one
+    finally:
+        one.close()
+
+
+@pytest.fixture(scope="module")
+def flying(machine):
+    machine.play(flights.generate(machine.folder / "flight.tlog", 3600))
+    machine.wait_on_air(position=True)
+    return machine
+
+
+def channel(machine, name):
+    status = machine.status()
+    return status and status["channels"][name]
+
+
+def wait_state(machine, name, *states):
+    return machine.wait_for(f"{name} {' or '.join(states)}", lambda: (channel(machine, name) or {}).get("state") in states)
+
+
+def test_both_chips_are_driven_as_on_the_board(machine):
+    log = machine.must("dmesg")
+    assert "BCM4345C0 'brcm/BCM4345C0.hcd' Patch" in log and "BCM4345C0 (003.001.025) build 0281" in log
+    assert "hci_uart_bcm serial0-0" in log
+    assert "brcmfmac: brcmf_c_preinit_dcmds: Firmware: BCM4345/6" in log
+    assert machine.must("cat /proc/device-tree/model").startswith("Raspberry Pi Compute Module 4")
+    assert channel(machine, "bt5")["state"] == "unsupported"
+
+
+def test_all_five_messages_are_heard_of_both(machine):
+    machine.wait_all_five()
+    for name in machine.channels:
+        receptions = machine.air.receptions(name)
+        assert b"SSRS5GBG01" in b"".join(one.data for one in receptions)
+        assert len({one.address for one in receptions}) == 1
+
+
+def test_a_flight_is_heard_as_it_was_flown(flying):
+    out = flying.folder / "judge"
+    judge = flying.judge(None, "--expect", ",".join(flying.channels), "--without-time",
+                         "--played", flying.folder / "played.jsonl", out=out)
+    for _ in range(COUNTED_TIMES):
+        flying.wait_all_five()
+    assert judge.stop() == 0, (out / "report.txt").read_text()
+
+
+def test_the_autopilot_s_cable_is_pulled_and_comes_back(flying):
+    flying.unplug()
+    flying.wait_for("the position's end", lambda: not (flying.status() or {"position": {"fresh": True}})["position"]["fresh"])
+    flying.wait_all_five()
+    flying.plug()
+    flying.wait_on_air(position=True)
+
+
+def test_a_bluetooth_chip_that_answers_nothing_for_a_while(flying):
+    flying.front.order("mute")
+    wait_state(flying, "bt4", "lost")
+    flying.wait_all_five(["wifi"])
+    flying.front.order("unmute")
+    flying.wait_on_air()
+    flying.wait_all_five()
+
+
+def test_a_wi_fi_firmware_that_crashes(flying):
+    assert flying.wifi.order("crash 2") == "done"
+    wait_state(flying, "wifi", "lost", "absent", "down")
+    since = time.monotonic()
+    flying.wait_on_air()
+    flying.wait_all_five()
+    assert flying.air.receptions("wifi", since)
+    assert flying.must("dmesg").count("BCM43455 (model)") >= 2, "it was off the bus"
