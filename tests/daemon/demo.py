@@ -33,7 +33,8 @@ RESULTS = {
 PLAIN = re.compile(r"\x1b\[[0-9;]*m")
 # What is transmitted, in every field. When it was heard is in the report beside its limits, and tells of the machine that
 # runs the demo as much as of the daemon.
-JUDGED = ("--expect", "bt4,bt5,wifi", "--without-time", "--brief")
+JUDGED = ("--without-time", "--brief", "--expect")
+CHANNELS = "bt4,bt5,wifi"
 
 
 def choose_flight(seconds):
@@ -62,7 +63,7 @@ def wanted_seconds():
 def listen(bench, seconds, title):
     """The judge's table, live, and its main figures. Returns the judge's exit code and odidctl's answer,
     asked for in flight; it is shown later, because the table is drawn in place."""
-    judge = bench.judge(seconds, *JUDGED, "--played", FOLDER / "played.jsonl", "--title", title, quiet=False, show=True)
+    judge = bench.judge(seconds, *JUDGED, CHANNELS, "--played", FOLDER / "played.jsonl", "--title", title, quiet=False, show=True)
     try:
         time.sleep(max(0, seconds - STATUS_BEFORE_END_S))
         status = subprocess.run([parts.CONTROL, "-root", bench.folder, "status"],

@@ -15,8 +15,7 @@ Orders, one a line on standard input, each answered by "done" or "error: ...":
   limit OCTETS       longer vendor elements are refused; 0: none is
   silence | speak    the firmware says OK to everything, and sends no beacon
   crash [SECONDS]    the firmware has crashed: the chip falls off the bus, and is back after so long (1) with a fresh one
-  hang               each request fails, as late as the driver bears, until the driver is bound anew, which switches the
-                     chip's power
+  hang               each request fails, after a second, until the driver is bound anew, which switches the chip's power
   unplug | plug      the chip is gone, and there again; before a power-on: there is none
   late SECONDS       the next power-ons have the firmware running so late; 0: at once
   probe ADDRESS      a station asks who is there
@@ -43,7 +42,7 @@ ERROR, SET = 1 << 0, 1 << 1  # of a request's flags
 IN_VENDOR, OUT_CLASS, IN_CLASS = 0xC1, 0x21, 0xA1
 GET_BOOT_VERSION, RESET_CONFIGURATION = 5, 8
 RUNNING = 0xA123
-HUNG_S = 1.9  # the driver waits for 2 s; what it gives up by itself would end QEMU (usbredir.py)
+HUNG_S = 1.0  # the driver waits for 2 s; what it gives up by itself would end QEMU (usbredir.py)
 
 ASSOCIATION, DISASSOCIATED, INTERFACE = 8, 12, 54  # events
 EVENT_ETHERTYPE, BROADCOM = 0x886C, bytes([0x00, 0x10, 0x18])
