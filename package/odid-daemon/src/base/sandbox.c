@@ -45,7 +45,11 @@ int sandbox_realtime(void)
     struct rlimit spin = {.rlim_cur = SPIN_MAX_US, .rlim_max = 2 * SPIN_MAX_US};
 
     lock_memory();
-    if (setrlimit(RLIMIT_RTTIME, &spin) < 0 || sched_setscheduler(0, SCHED_FIFO, &parameters) < 0) {
+    if (setrlimit(RLIMIT_RTTIME, &spin) < 0) {
+        return -errno;
+    }
+    /* A service manager may have given it, and no right to ask for it. */
+    if (sched_getscheduler(0) != SCHED_FIFO && sched_setscheduler(0, SCHED_FIFO, &parameters) < 0) {
         return -errno;
     }
     return 0;
@@ -316,6 +320,47 @@ static int enter_filter(bool log_only)
     return result;
 }
 
+static bool may(unsigned right)
+{
+    return capng_have_capability(CAPNG_PERMITTED, right) == 1;
+}
+
+static bool may_more(void)
+{
+    for (unsigned right = 0; right <= CAP_LAST_CAP; right++) {
+        if (right != CAP_NET_RAW && right != CAP_NET_ADMIN && may(right)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/* Who was started as that user, by a service manager or in a container, has the rights that there
+ * are: of them the two are kept. One that is missing costs its radio, not the others. */
+static int keep_rights(void)
+{
+    bool raw = may(CAP_NET_RAW), admin = may(CAP_NET_ADMIN), more = may_more();
+
+    if (!raw || !admin) {
+        log_warning("without %s%s%s: radios may stay silent", raw ? "" : "CAP_NET_RAW",
+                    raw || admin ? "" : " and ", admin ? "" : "CAP_NET_ADMIN");
+    }
+    if (prctl(PR_CAP_AMBIENT, PR_CAP_AMBIENT_CLEAR_ALL, 0, 0, 0) < 0) {
+        return -errno;
+    }
+    if (more) { /* else nothing is to be given up, which a service manager's filter may refuse */
+        capng_clear(CAPNG_SELECT_BOTH);
+        capng_update(raw ? CAPNG_ADD : CAPNG_DROP, CAPNG_EFFECTIVE | CAPNG_PERMITTED, CAP_NET_RAW);
+        capng_update(admin ? CAPNG_ADD : CAPNG_DROP, CAPNG_EFFECTIVE | CAPNG_PERMITTED,
+                     CAP_NET_ADMIN);
+        if (capng_apply(CAPNG_SELECT_CAPS) < 0) {
+            return -EPERM;
+        }
+    }
+    /* As after a change of user: no other process of that user looks into this one. */
+    return prctl(PR_SET_DUMPABLE, 0) < 0 ? -errno : 0;
+}
+
 /* Keeps the two capabilities over the change of user; the bounding set is emptied as well. */
 static int become(const char *user)
 {
@@ -324,6 +369,9 @@ static int become(const char *user)
 
     if (entry == NULL) {
         return -ENOENT;
+    }
+    if (entry->pw_uid != 0 && geteuid() == entry->pw_uid) {
+        return keep_rights();
     }
     if (prctl(PR_GET_PDEATHSIG, &parent_death_signal) < 0) {
         return -errno;

@@ -15,11 +15,11 @@
 int sandbox_realtime(void);
 
 /*
- * Becomes user (with its supplementary groups: tty, rfkill's and hostapd's)
- * and enters the filter. log_only: forbidden calls are logged by the kernel
- * instead of ending us; those that nothing here ever needs (another program,
- * mounts, the kernel, other users and processes) fail with EPERM. Returns 0, or -errno with a log
- * line that says which step failed.
+ * Becomes user (with its supplementary groups: tty, rfkill's and hostapd's),
+ * or stays it, with the rights that it was started with, and enters the filter. log_only: forbidden
+ * calls are logged by the kernel instead of ending us; those that nothing here ever needs (another
+ * program, mounts, the kernel, other users and processes) fail with EPERM. Returns 0, or -errno
+ * with a log line that says which step failed.
  */
 int sandbox_enter(const char *user, bool log_only);
 

@@ -10,10 +10,12 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/prctl.h>
 #include <sys/signalfd.h>
 #include <unistd.h>
 
 #include "appliance/places.h"
+#include "base/alive.h"
 #include "base/log.h"
 #include "base/loop.h"
 #include "base/sandbox.h"
@@ -40,6 +42,7 @@ static struct {
     struct loop_timer timer;
     int link_socket; /* handed down to each daemon; < 0: there is none */
     bool fault_told; /* that the list of faults can't be written */
+    bool ready;      /* a daemon was alive: we are watched from then on */
 } self = {.silent_s = SILENT_S,
           .off_air_s = OFF_AIR_S,
           .faults = PLACES_FAULTS,
@@ -183,6 +186,10 @@ static void on_alive(void *context, int64_t now_us)
         keeper_air_stop();
         log_info("the daemon is alive again, %.1f s after its last sign of life", silent_s);
     }
+    if (!self.ready) {
+        self.ready = true;
+        alive_start(now_us);
+    }
     if (first && self.keeper.on_air_us == now_us) {
         fault_is_over(); /* also an earlier keeper's */
     }
@@ -262,6 +269,11 @@ static int run_keeper(void)
         log_warning("no real-time priority for the keeper (%s): it may be late under load",
                     strerror(-result));
     }
+    /* Who started us as the daemon's user: one that was taken over gets no hold of us. */
+    if (prctl(PR_SET_DUMPABLE, 0) < 0) {
+        log_warning("others of this user can look into the keeper: %s", strerror(errno));
+    }
+    alive_open();
     keeper_init(&self.keeper, microseconds(self.silent_s), microseconds(self.off_air_s), now_us);
     keeper_process_init(&self.process, on_alive, NULL);
     loop_timer_init(&self.timer, on_due, NULL);

@@ -11,6 +11,9 @@
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/un.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -151,6 +154,83 @@ static void what_is_no_pipe_to_write_to_is_left_alone(void **state)
     close(file);
 }
 
+/* ---- a service manager ---- */
+
+/* The socket that it would have. Abstract: no file is left of it. */
+static int be_manager(const char *name)
+{
+    struct sockaddr_un address = {.sun_family = AF_UNIX};
+    int fd = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+    size_t length = strlen(name);
+
+    memcpy(address.sun_path + 1, name + 1, length - 1);
+    assert_int_equal(bind(fd, (struct sockaddr *)&address,
+                          (socklen_t)(offsetof(struct sockaddr_un, sun_path) + length)),
+                     0);
+    unsetenv(ALIVE_VARIABLE);
+    setenv(ALIVE_NOTIFY_VARIABLE, name, 1);
+    return fd;
+}
+
+static void expect_told(int fd, const char *what)
+{
+    char text[64] = "";
+
+    assert_int_equal(recv(fd, text, sizeof(text) - 1, 0), strlen(what));
+    assert_string_equal(text, what);
+    assert_int_equal(recv(fd, text, sizeof(text) - 1, 0), -1);
+}
+
+static void a_manager_hears_that_we_are_ready_and_then_that_we_live(void **state)
+{
+    int fd = be_manager("@odid-test-alive");
+
+    (void)state;
+    start();
+    assert_null(getenv(ALIVE_NOTIFY_VARIABLE)); /* not the next one's: that has a keeper */
+    run_ms(50);
+    expect_told(fd, "READY=1\nWATCHDOG=1");
+    run_ms(1000);
+    expect_told(fd, "WATCHDOG=1");
+    close(fd);
+    assert_false(loop_until(NULL, 1100)); /* one that is gone ends nobody */
+}
+
+static void a_keeper_goes_before_a_manager(void **state)
+{
+    int fd = be_manager("@odid-test-alive");
+    char octet;
+
+    (void)state;
+    name_pipe(ends[1]);
+    start();
+    run_ms(50);
+    assert_int_equal(heard(), 1);
+    assert_int_equal(recv(fd, &octet, 1, 0), -1);
+    close(fd);
+    unsetenv(ALIVE_NOTIFY_VARIABLE);
+}
+
+static void what_is_no_manager_is_left_alone(void **state)
+{
+    static const char *const wrong[] = {"", "@", "relative", "/nowhere/notify",
+                                        "@odid-test-nobody"};
+    char long_name[200];
+
+    (void)state;
+    unsetenv(ALIVE_VARIABLE);
+    memset(long_name, 'x', sizeof(long_name) - 1);
+    long_name[0] = '/';
+    long_name[sizeof(long_name) - 1] = '\0';
+    for (size_t i = 0; i <= sizeof(wrong) / sizeof(wrong[0]); i++) {
+        bool last = i == sizeof(wrong) / sizeof(wrong[0]);
+
+        setenv(ALIVE_NOTIFY_VARIABLE, last ? long_name : wrong[i], 1);
+        start();
+        assert_null(getenv(ALIVE_NOTIFY_VARIABLE));
+    }
+}
+
 /* Not _exit: the sanitizer's would ask for more than the filter allows. */
 static void leave(int code)
 {
@@ -196,6 +276,9 @@ int main(void)
         TEST(without_a_keeper_there_is_nothing_to_do),
         TEST(what_is_no_pipe_to_write_to_is_left_alone),
         TEST(it_beats_under_the_filter),
+        TEST(a_manager_hears_that_we_are_ready_and_then_that_we_live),
+        TEST(a_keeper_goes_before_a_manager),
+        TEST(what_is_no_manager_is_left_alone),
     };
 
     if (loop_init() < 0) {

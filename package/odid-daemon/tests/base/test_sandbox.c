@@ -6,6 +6,7 @@
 
 #include <cmocka.h>
 
+#include <cap-ng.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <linux/capability.h>
@@ -19,6 +20,7 @@
 #include <string.h>
 #include <sys/ioctl.h>
 #include <sys/mman.h>
+#include <sys/prctl.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
@@ -368,6 +370,81 @@ static void proc_shows_user_capabilities_no_new_privs_and_filter(void **state)
     waitpid(child, NULL, 0);
 }
 
+/* As a service manager starts who has User= and AmbientCapabilities=. */
+static void be_started_as_user(uint64_t rights)
+{
+    const struct passwd *entry = getpwnam(USER);
+
+    capng_clear(CAPNG_SELECT_ALL);
+    for (unsigned right = 0; right <= CAP_LAST_CAP; right++) {
+        if (rights & 1ULL << right) {
+            capng_update(CAPNG_ADD, CAPNG_EFFECTIVE | CAPNG_PERMITTED | CAPNG_INHERITABLE, right);
+        }
+    }
+    MUST(capng_change_id((int)entry->pw_uid, (int)entry->pw_gid, CAPNG_DROP_SUPP_GRP) == 0);
+    for (unsigned right = 0; right <= CAP_LAST_CAP; right++) {
+        if (rights & 1ULL << right) {
+            MUST(prctl(PR_CAP_AMBIENT, PR_CAP_AMBIENT_RAISE, right, 0, 0) == 0);
+        }
+    }
+}
+
+static pid_t started_as_user(uint64_t rights, int *finish)
+{
+    int ready[2], ends[2];
+    char byte;
+    pid_t child;
+
+    assert_int_equal(pipe(ready), 0);
+    assert_int_equal(pipe(ends), 0);
+    child = fork();
+    assert_true(child >= 0);
+    if (child == 0) {
+        close(ends[1]);
+        be_started_as_user(rights);
+        MUST(sandbox_enter(USER, false) == 0);
+        MUST(write(ready[1], "r", 1) == 1);
+        MUST(read(ends[0], &byte, 1) == 0);
+        leave(0);
+    }
+    close(ready[1]);
+    close(ends[0]);
+    assert_int_equal(read(ready[0], &byte, 1), 1);
+    close(ready[0]);
+    *finish = ends[1];
+    return child;
+}
+
+static void who_is_that_user_already_keeps_of_the_two_rights_those_that_it_has(void **state)
+{
+    const uint64_t raw = 1ULL << CAP_NET_RAW, both = raw | 1ULL << CAP_NET_ADMIN;
+    const uint64_t given[] = {raw, both, both | 1ULL << CAP_SYS_TIME};
+    const uint64_t kept[] = {raw, both, both};
+    char capabilities[20], path[32];
+    struct stat file;
+    int status;
+
+    (void)state;
+    need_root();
+    for (int i = 0; i < 3; i++) {
+        int finish;
+        pid_t child = started_as_user(given[i], &finish);
+
+        snprintf(capabilities, sizeof(capabilities), "%016llx", (unsigned long long)kept[i]);
+        assert_line(child, "CapEff", capabilities);
+        assert_line(child, "CapPrm", capabilities);
+        assert_line(child, "CapAmb", "0000000000000000");
+        assert_line(child, "NoNewPrivs", "1");
+        assert_line(child, "Seccomp", "2");
+        snprintf(path, sizeof(path), "/proc/%d/mem", (int)child);
+        assert_int_equal(stat(path, &file), 0);
+        assert_int_equal(file.st_uid, 0); /* not that user's to look into */
+        close(finish);
+        assert_int_equal(waitpid(child, &status, 0), child);
+        assert_ended_well(status);
+    }
+}
+
 static void an_unknown_user_is_an_error(void **state)
 {
     (void)state;
@@ -385,6 +462,7 @@ int main(void)
         cmocka_unit_test(in_log_mode_nobody_breaks_out),
         cmocka_unit_test(in_log_mode_the_daemon_works),
         cmocka_unit_test(proc_shows_user_capabilities_no_new_privs_and_filter),
+        cmocka_unit_test(who_is_that_user_already_keeps_of_the_two_rights_those_that_it_has),
         cmocka_unit_test(an_unknown_user_is_an_error),
     };
 
