@@ -1,18 +1,28 @@
-/* Where everything is on the appliance: its programs have it from here. */
+/* Where everything is on the appliance: its programs have it from here. On a companion computer
+ * (Debian's package) there is no appliance around the daemon: a few places are others. */
 #ifndef ODID_PLACES_H
 #define ODID_PLACES_H
 
 #include <stdbool.h>
 
+#include "config/config.h"
+
 #define PLACES_PATH_SIZE 300
 
 /* Also for those who are never below another root. */
 #define PLACES_RUN_DIR "/run/odid"
-#define PLACES_FAULTS "/run/faults"
 #define PLACES_STATE "/run/odid-appliance"
 #define PLACES_SWUPDATE "/run/swupdate"
 #define PLACES_DATA "/data"
+#ifdef ODID_COMPANION
+#define PLACES_COMPANION true
+#define PLACES_FAULTS PLACES_RUN_DIR "/faults"
+#define PLACES_CONFIG CONFIG_FILE
+#else
+#define PLACES_COMPANION false
+#define PLACES_FAULTS "/run/faults"
 #define PLACES_CONFIG PLACES_DATA "/odid/odid.conf"
+#endif
 #define PLACES_VERSION "/etc/odid/version"
 
 struct places {

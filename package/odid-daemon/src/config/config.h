@@ -15,7 +15,7 @@
 
 #include "config/identifiers.h"
 
-#define CONFIG_FILE "/etc/odid/odid.conf" /* of the daemon by itself */
+#define CONFIG_FILE "/etc/odid/odid.conf" /* of the daemon by itself, and of Debian's package */
 #define CONFIG_BASIC_IDS 2
 #define CONFIG_DESCRIPTION_MAX 23 /* bytes (not characters), ASTM F3411 Self ID */
 #define CONFIG_PATH_SIZE 108      /* sun_path's size: the tightest of the paths */

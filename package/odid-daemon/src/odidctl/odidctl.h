@@ -13,8 +13,11 @@
 int odidctl_status(const struct places *places, bool json);
 int odidctl_watch(const struct places *places);
 
-/* The same for scripts, in three words: "armed", "disarmed" or "unknown"; "once" or "never" armed
- * since power-on; the vehicle's MAVLink system id, 0 while there is none. */
+/* Who else on this computer disturbs Remote ID (doctor.h). */
+int odidctl_doctor(const struct places *places);
+
+/* The same as status for scripts, in three words: "armed", "disarmed" or "unknown"; "once" or
+ * "never" armed since power-on; the vehicle's MAVLink system id, 0 while there is none. */
 int odidctl_tell_armed(const struct places *places);
 
 /* ---- maintenance ---- */

@@ -5,6 +5,7 @@
 #include <getopt.h>
 #include <stdio.h>
 #include <string.h>
+#include <strings.h>
 #include <sys/stat.h>
 
 #include "appliance/settings.h"
@@ -19,6 +20,8 @@ static const char usage[] =
     "  odidctl status [--json]           everything at one glance; exit 0 only when all that is\n"
     "                                    required is on the air\n"
     "  odidctl watch                     the same, again every second\n"
+    "  odidctl doctor                    who else on this computer disturbs Remote ID, and the\n"
+    "                                    remedy; exit 0 only when nobody is seen to\n"
     "  odidctl flights [N] [--json]      was it on the air the whole flight? one line a power-on,\n"
     "                                    newest first; record N in detail\n"
     "  odidctl armed                     armed, disarmed or unknown; for scripts\n"
@@ -85,6 +88,12 @@ static int run_watch(char *const words[])
     return odidctl_watch(&self.places);
 }
 
+static int run_doctor(char *const words[])
+{
+    (void)words;
+    return odidctl_doctor(&self.places);
+}
+
 static int run_flights(char *const words[])
 {
     char boot[64];
@@ -106,8 +115,28 @@ static int run_get(char *const words[])
     return settings_get(&self.places, words + 1);
 }
 
+/* Settings of the appliance's other programs: on a companion computer nobody reads them. */
+static bool is_appliances(const char *name)
+{
+    static const char *const sections[] = {"autopilot.", "ground_station.", "maintenance.",
+                                           "update.", "board."};
+
+    for (size_t i = 0; i < sizeof(sections) / sizeof(sections[0]); i++) {
+        if (strncasecmp(name, sections[i], strlen(sections[i])) == 0) {
+            return true;
+        }
+    }
+    return false;
+}
+
 static int run_set(char *const words[])
 {
+    if (PLACES_COMPANION && is_appliances(words[1])) {
+        explicit_bzero(words[2], strlen(words[2])); /* it may be a password */
+        printf("%s is a setting of the appliance's: nothing reads it here, and it isn't kept.\n",
+               words[1]);
+        return ODIDCTL_NOT_GOOD;
+    }
     return settings_set(&self.places, words[1], words[2]);
 }
 
@@ -160,22 +189,32 @@ static const struct command {
     int least, most; /* words, with its own */
     const char *needs;
     int (*run)(char *const words[]);
-    bool json; /* whether it can answer so */
+    bool json;             /* whether it can answer so */
+    const char *elsewhere; /* what is said by whom the appliance isn't around; NULL: it works */
 } commands[] = {
-    {"status", 1, 1, "status takes no words", run_status, true},
-    {"watch", 1, 1, "watch takes no words", run_watch, false},
-    {"flights", 1, 2, "flights takes at most one number", run_flights, true},
-    {"check", 2, 2, "check needs one FILE or DIR", run_check, false},
-    {"get", 2, WORDS_MAX, "get needs at least one SECTION.KEY, and takes up to 11", run_get, false},
-    {"set", 3, 3, "set needs SECTION.KEY and VALUE; quote a value with blanks", run_set, false},
-    {"in-force", 1, 1, "in-force takes no words", run_in_force, false},
-    {"import", 2, 2, "import needs one DIR", run_import, false},
-    {"armed", 1, 1, "armed takes no words", run_armed, false},
-    {"maintenance", 2, 2, "maintenance needs \"on\" or \"off\"", run_maintenance, false},
-    {"factory-reset", 1, 1, "factory-reset takes no words", run_factory_reset, false},
+    {"status", 1, 1, "status takes no words", run_status, true, NULL},
+    {"watch", 1, 1, "watch takes no words", run_watch, false, NULL},
+    {"doctor", 1, 1, "doctor takes no words", run_doctor, false, NULL},
+    {"flights", 1, 2, "flights takes at most one number", run_flights, true,
+     "Flight records are the appliance's; here the journal has the log: journalctl -u odid."},
+    {"check", 2, 2, "check needs one FILE or DIR", run_check, false, NULL},
+    {"get", 2, WORDS_MAX, "get needs at least one SECTION.KEY, and takes up to 11", run_get, false,
+     NULL},
+    {"set", 3, 3, "set needs SECTION.KEY and VALUE; quote a value with blanks", run_set, false,
+     NULL},
+    {"in-force", 1, 1, "in-force takes no words", run_in_force, false, NULL},
+    {"import", 2, 2, "import needs one DIR", run_import, false,
+     "The volume CONFIG is the appliance's; here " PLACES_CONFIG
+     " itself is edited, or by odidctl set."},
+    {"armed", 1, 1, "armed takes no words", run_armed, false, NULL},
+    {"maintenance", 2, 2, "maintenance needs \"on\" or \"off\"", run_maintenance, false,
+     "Maintenance is the appliance's; here odidctl set changes settings at any time."},
+    {"factory-reset", 1, 1, "factory-reset takes no words", run_factory_reset, false,
+     "The factory reset is the appliance's; here apt purge odid forgets the settings."},
     {"find-autopilot", 4, WORDS_MAX, "find-autopilot needs BAUD, SECONDS and up to 9 PORTs",
-     run_find_autopilot, false},
-    {"update", 1, 2, "update takes at most one FILE, URL or DIR, or \"cancel\"", run_update, false},
+     run_find_autopilot, false, NULL},
+    {"update", 1, 2, "update takes at most one FILE, URL or DIR, or \"cancel\"", run_update, false,
+     "Updates by bundles are the appliance's; here apt brings them: apt install ./odid_*.deb."},
 };
 
 /* ---- command line ---- */
@@ -193,6 +232,10 @@ static int run_command(const struct command *command, int count, char *const wor
     }
     if (self.json && !command->json) {
         return wrong_usage("only status and flights have --json");
+    }
+    if (PLACES_COMPANION && command->elsewhere != NULL) {
+        puts(command->elsewhere);
+        return ODIDCTL_NOT_GOOD;
     }
     return command->run(words);
 }

@@ -1,4 +1,5 @@
 #include "odidctl/odidctl_table.h"
+#include "appliance/places.h"
 #include "base/duration.h"
 
 #include <math.h>
@@ -304,7 +305,8 @@ static void print_problems(FILE *out, struct json_object *status, bool colour)
 void odidctl_table_faults(FILE *out, struct json_object *faults, bool colour)
 {
     if (elements(faults) > 0) {
-        fprintf(out, "\n%sThe appliance%s\n", paint(colour, BOLD), paint(colour, PLAIN));
+        fprintf(out, "\n%s%s%s\n", paint(colour, BOLD),
+                PLACES_COMPANION ? "The keeper" : "The appliance", paint(colour, PLAIN));
     }
     for (size_t i = 0; i < elements(faults); i++) {
         struct json_object *fault = json_object_array_get_idx(faults, i);
