@@ -69,6 +69,8 @@ help:
 	@echo 'make source     fetches all that building it needs, to build without a network'
 	@echo 'make legal      licences and sources as they have to be passed on with an image'
 	@echo 'make test-image tests what make image has built, and boots the CM4'\''s in QEMU'
+	@echo 'make deb        Debian'\''s package for companion computers, in build/companion: ARCHITECTURES=amd64'
+	@echo 'make container  the same as a container'\''s image (docs/debian.md)'
 	@echo 'make bundle     a signed update to the built image: build/bundle (docs/keys.md)'
 	@echo 'make reproducible  builds the image twice and compares every file (needs the disk for both)'
 	@echo 'make buildroot GOALS=<goal>  what else Buildroot can: menuconfig, hostapd-odid-rebuild, graph-size'
@@ -151,6 +153,27 @@ qemu-raspi: debian
 
 # make image, source, legal, reproducible
 include board/common/image.mk
+
+# --- Companion computers: docs/debian.md -----------------------------------------
+
+ARCHITECTURES ?= amd64 arm64
+COMPANION = env OPENDRONEID='$(OPENDRONEID)' MAVLINK='$(MAVLINK)'
+
+.PHONY: deb container companion-tools
+companion-tools: base
+	@tests/setup/debian.sh debhelper
+
+# A package each, and an image each of it alone.
+deb: $(ARCHITECTURES:%=deb-%)
+deb-%: companion-tools
+	@$(COMPANION) board/companion/make-deb.sh $* build/companion
+
+container: $(ARCHITECTURES:%=container-%)
+container-%: deb-%
+	@$(RUN) board/companion/make_container.py $* build/companion
+
+.PHONY: container-here
+container-here: container-$(shell dpkg --print-architecture 2>/dev/null)
 
 # --- Bundles: updates to install ----------------------------------------------
 
@@ -248,7 +271,7 @@ level-fuzz: fuzzers
 		--junit build/test/fuzz.xml
 
 # Most of them wait for something, and not for a processor.
-level-parts: daemon appliance build/swupdate/swupdate
+level-parts: daemon appliance build/swupdate/swupdate container-here
 	$(LEVEL) parts $(RUN) -m pytest $(TESTS) -m '$(PARTS)' $(SPREAD) $(PYTEST) \
 		--junit-xml=build/test/parts.xml
 
@@ -256,7 +279,7 @@ level-smoke: appliance
 	$(LEVEL) smoke $(RUN) -m pytest tests/smoke $(PYTEST)-smoke --junit-xml=build/test/smoke.xml
 
 .PHONY: level-system level-bench level-soak level-without
-level-system: appliance qemu-raspi
+level-system: appliance qemu-raspi deb container
 	$(LEVEL) system $(RUN) -m pytest $(TESTS) -m '$(SYSTEM)' $(PYTEST) --junit-xml=build/test/system.xml
 
 COMMAND = $(RUN) tests/run/command.py build/test/$(1).xml $(RUN)

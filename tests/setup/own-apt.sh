@@ -1,6 +1,6 @@
 # shellcheck shell=sh
-# An apt state of its own in this folder, of another suite of the Debian that this machine's apt has: own_apt deb|deb-src SUITE.
-# This machine's own packages stay what they are.
+# An apt state of its own in this folder, of another suite, or for another architecture, of the Debian that this machine's apt
+# has: own_apt deb|deb-src SUITE [ARCHITECTURE]. This machine's own packages stay what they are.
 
 own_apt() {
     # shellcheck disable=SC2016 # it is apt that fills it in
@@ -14,6 +14,13 @@ Dir::State::lists "$PWD/state/lists";
 Dir::Cache "$PWD/cache";
 APT::Sandbox::User "";
 END
+    if [ -n "${3:-}" ]; then
+        cat >>apt.conf <<END
+APT::Architecture "$3";
+APT::Architectures "$3";
+Dir::State::status "/dev/null";
+END
+    fi
     export APT_CONFIG="$PWD/apt.conf"
     apt-get -q update >log 2>&1
 }
