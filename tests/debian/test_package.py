@@ -91,6 +91,9 @@ def test_the_unit_says_what_keeps_it_on_the_air(unpacked):
         assert f"\n{line}\n" in unit
     # The watchdog: the keeper speaks once a second.
     assert 3 <= int(re.search(r"^WatchdogSec=(\d+)$", unit, re.M)[1]) <= 10
+    # The daemon asks for its filter, and the Bluetooth address comes of the boot id in /proc/sys: without either it is silent,
+    # or another aircraft after each restart.
+    assert "\nSystemCallFilter=@system-service seccomp\n" in unit and "ProcSubset" not in unit
     # Nothing that may be written to but its run directory.
     assert not re.search(r"^(ReadWritePaths|StateDirectory|CacheDirectory|LogsDirectory)=", unit, re.M)
 
@@ -145,7 +148,7 @@ def test_settings_are_changed_where_the_package_has_them(unpacked, tmp_path):
     assert "\nchannel = 11\n" in config.read_text()
 
 
-def access_point(unpacked, tmp_path, interface, **values):
+def access_point(unpacked, tmp_path, interface, *words, **values):
     """The script's exit code, and what it wrote; below a root of its own."""
     root = tmp_path / "root"
     (root / "run/odid-hostapd").mkdir(parents=True, exist_ok=True)
@@ -158,7 +161,7 @@ def access_point(unpacked, tmp_path, interface, **values):
     script.write_text(text.replace("/run/odid-hostapd", f"{root}/run/odid-hostapd")
                       .replace("/usr/share/odid", f"{unpacked}/usr/share/odid").replace("$(odidctl", f"$({told}"))
     script.chmod(0o755)
-    return call(script, interface, check=False)[0], root / "run/odid-hostapd"
+    return call(script, interface, *words, check=False)[0], root / "run/odid-hostapd"
 
 
 def test_the_access_point_that_is_made(unpacked, tmp_path):
@@ -177,8 +180,17 @@ def test_the_access_point_that_is_made(unpacked, tmp_path):
 
 @pytest.mark.parametrize("interface,values", [("wlan1", {}), ("wlan0", {"wifi_beacon_enabled": "false"})])
 def test_another_interface_or_wi_fi_switched_off_has_no_access_point(unpacked, tmp_path, interface, values):
-    code, folder = access_point(unpacked, tmp_path, interface, **values)
-    assert code == 1 and list(folder.iterdir()) == []
+    for words in ((), ("check",)):
+        code, folder = access_point(unpacked, tmp_path, interface, *words, **values)
+        assert code == 1 and list(folder.iterdir()) == []
+
+
+def test_whether_it_is_to_be_started_is_found_out_before_it_has_a_folder(unpacked, tmp_path):
+    """systemd makes it after ExecCondition."""
+    code, folder = access_point(unpacked, tmp_path, "wlan0", "check")
+    assert code == 0 and list(folder.iterdir()) == []
+    unit = (unpacked / "lib/systemd/system/odid-hostapd@.service").read_text()
+    assert "\nExecCondition=/usr/lib/odid/hostapd-config %i check\nExecStartPre=/usr/lib/odid/hostapd-config %i\n" in unit
 
 
 def test_the_completion_knows_every_command_that_works_here(unpacked):
