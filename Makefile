@@ -172,6 +172,13 @@ container: $(ARCHITECTURES:%=container-%)
 container-%: deb-%
 	@$(RUN) board/companion/make_container.py $* build/companion
 
+# A Debian 12 to install it in; made once, of the packages of that day.
+.PHONY: companion-system
+companion-system: build/companion/system/disk.img
+build/companion/system/disk.img: tests/debian/system.py $(wildcard tests/debian/guest/*) tests/bench/guest/hci-attach.c | debian-tests
+	@tests/setup/debian.sh debian-companion.txt
+	@$(RUN) -m debian.system
+
 .PHONY: container-here
 container-here: container-$(shell dpkg --print-architecture 2>/dev/null)
 
@@ -279,7 +286,7 @@ level-smoke: appliance
 	$(LEVEL) smoke $(RUN) -m pytest tests/smoke $(PYTEST)-smoke --junit-xml=build/test/smoke.xml
 
 .PHONY: level-system level-bench level-soak level-without
-level-system: appliance qemu-raspi deb container
+level-system: appliance qemu-raspi deb container companion-system
 	$(LEVEL) system $(RUN) -m pytest $(TESTS) -m '$(SYSTEM)' $(PYTEST) --junit-xml=build/test/system.xml
 
 COMMAND = $(RUN) tests/run/command.py build/test/$(1).xml $(RUN)

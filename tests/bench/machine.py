@@ -224,18 +224,22 @@ class Machine:
 
     # --- power --------------------------------------------------------------
 
+    def _board(self):
+        """QEMU, what it is to be, what is started first, and how the disk is connected."""
+        # As many requests at once as a card's driver has; the kernel keeps memory for each.
+        return [QEMU, "-M", "virt,gic-version=3", "-cpu", "cortex-a72", *self.timing, "-bios", disks.LOADER,
+                "-device", "virtio-blk-device,drive=disk,queue-size=64"]
+
     def _words(self, rtc, adapter, radios):
         """QEMU's command line."""
         words = [
             "setpriv", "--pdeathsig", "KILL",  # it would go on, and cost much, when we are killed
-            QEMU, "-M", "virt,gic-version=3", "-cpu", "cortex-a72", *self.timing, "-smp", self.processors,
-            "-m", self.memory_mib, "-nodefaults", "-display", "none", "-bios", disks.LOADER,
+            *self._board(), "-smp", self.processors,
+            "-m", self.memory_mib, "-nodefaults", "-display", "none",
             "-chardev", f"file,id=console,path={self.console},append=on", "-serial", "chardev:console",
             "-qmp", f"unix:{self._sockets}/qmp,server=on,wait=off",
             # A power cut here ends QEMU, not this machine: what the disk was given is there without a flush.
             "-drive", f"if=none,id=disk,format=qcow2,cache=unsafe,file={self.disk.path}",
-            # As many requests at once as a card's driver has; the kernel keeps memory for each.
-            "-device", "virtio-blk-device,drive=disk,queue-size=64",
             "-device", "virtio-rng-pci",
             "-device", "virtio-serial-pci",
             "-chardev", f"socket,id=bt,host=127.0.0.1,port={self.front_port},nodelay=on",

@@ -37,6 +37,9 @@ PERMITTED_FILES = {
 }
 # Until something has *not* happened, or as long as a test gives to what it harms.
 PERMITTED_SLEEPS = {
+    "debian/test_system.py::companion": "what is measured in flight begins when it has settled",
+    "debian/test_system.py::test_it_is_on_the_air_after_a_restart": "what is measured in flight begins when it has settled",
+    "debian/test_system.py::content_gap": "as long as a test gives to what it harms",
     "bench/conftest.py::flying": "what is measured in flight begins when it has settled",
     "bench/test_air.py::test_the_answer_to_a_probe_carries_the_beacon_s_pack": "so long beacons are collected",
     "bench/attacker.py::keep_sending": "so many frames in so much time",

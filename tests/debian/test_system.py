@@ -1,0 +1,212 @@
+"""The package in a Debian 12 with systemd, its neighbours beside it, judged from outside as the appliance is.
+
+The bar: on the air within 15 s of systemd's start, all five messages on each channel, without a violation for a minute; killed,
+a receiver waits 1.5 s at most for a newer position, upgraded in flight 2 s, with a bluetoothd that advertises beside it 0.6 s.
+"""
+
+import json
+import time
+
+import patience
+import pytest
+from bench import flights, gaps
+from bench.machine import CHANNELS, configuration
+
+from . import package, system
+from .package import call, unpack
+
+pytestmark = pytest.mark.booted
+
+ON_AIR_S, KILLED_S, NEIGHBOUR_S, UPGRADE_S = 15.0, 1.5, 0.6, 2.0
+JUDGED_S = 60
+SETTLE_S = 5
+CONFIG = configuration(mavlink={"device": "/dev/ttyUSB0"})
+
+
+@pytest.fixture(scope="module")
+def companion():
+    """Installed by apt, started anew, in flight."""
+    reason = system.missing() or ("" if package.deb("amd64") else "the package isn't built: make deb-amd64")
+    if reason:
+        pytest.skip(reason)
+    machine = system.Companion(package.TOP / "build/system/companion")
+    try:
+        machine.power_on()
+        machine.put("/root/odid.deb", package.deb("amd64").read_bytes())
+        machine.must("cd / && apt-get install --yes /root/odid.deb >/root/log 2>&1 || { tail -n 20 /root/log; false; }")
+        machine.put("/etc/odid/odid.conf", CONFIG.encode(), mode="644")
+        machine.restart()
+        machine.play(flights.generate(machine.folder / "flight.tlog", 3600))
+        machine.wait_on_air(position=True)
+        time.sleep(SETTLE_S)
+    except BaseException:
+        machine.close()
+        raise
+    yield machine
+    machine.close()
+
+
+def content_gap(machine, harm, watch_s):
+    """The longest time that a receiver waits for a newer position after the harm, and on which channel."""
+    judge = machine.judge(None, out=machine.folder / f"judge-{harm.__name__}")
+    time.sleep(2)
+    from_mono = time.monotonic()
+    harm(machine)
+    time.sleep(watch_s)
+    until_mono = time.monotonic()
+    judge.stop()
+    contents = gaps.Contents(machine.folder / f"judge-{harm.__name__}/receptions.jsonl")
+    gap = contents.worst_gap(CHANNELS, from_mono, until_mono)
+    print(f"{harm.__name__}: {gap[0]:.2f} s on {gap[1]}")
+    return gap
+
+
+def test_it_is_on_the_air_after_a_restart(companion):
+    companion.restart()
+    companion.play(flights.generate(companion.folder / "flight.tlog", 3600))
+    companion.air.wait_all_five(CHANNELS, since_mono=companion.powered_mono, limit_s=patience.BOOTED_S)
+    started = companion.systemd_started()
+    for channel in CHANNELS:
+        first = next(at / 10 for at in range(0, 3000) if companion.air.types(channel, companion.powered_mono) and
+                     all_five_by(companion, channel, started + at / 10))
+        print(f"all five on {channel}: {first:.1f} s after systemd's start")
+        patience.promise(f"all five on {channel}", first, ON_AIR_S)
+    companion.wait_on_air(position=True)
+    time.sleep(SETTLE_S)
+    assert companion.must("systemctl is-active odid odid-hostapd@wlan0").split() == ["active", "active"]
+
+
+def all_five_by(machine, channel, until_mono):
+    found = set()
+    for one in machine.air.receptions(channel, machine.powered_mono, until_mono):
+        body = one.data[2:]
+        first = range(3, len(body), 25) if body[0] >> 4 == 0xF else (0,)
+        found |= {body[at] >> 4 for at in first}
+    return found >= {0, 1, 3, 4, 5}
+
+
+def test_nothing_is_wrong_for_a_minute(companion):
+    judge = companion.judge(JUDGED_S, "--played", companion.folder / "played.jsonl", "--expect", ",".join(CHANNELS),
+                            "--without-time")
+    judge.wait(JUDGED_S)
+    code = judge.stop()
+    assert code == 0, judge.log()[-4000:]
+    assert json.loads((companion.folder / "judge/figures.json").read_text())["violations"] == 0
+
+
+def test_what_it_may_do(companion):
+    """As its user, with two rights, in real time, on a root that nobody writes to."""
+    for name in ("odid-keeper", "odid-daemon"):
+        number = companion.must(f"pidof {name}").split()[0]
+        status = dict(line.split(":", 1) for line in companion.must(f"cat /proc/{number}/status").splitlines())
+        user = companion.must("id -u odid").strip()
+        assert status["Uid"].split() == [user] * 4, name
+        assert int(status["CapPrm"], 16) == 0x3000 and int(status["CapBnd"], 16) == 0x3000, name
+        assert int(companion.must(f"cut -d ')' -f 2 /proc/{number}/stat").split()[38]) == 1, f"{name}: not in real time"
+        assert companion.run(f"nsenter -t {number} -m -S {user} -G {user} touch /var/tmp/x /etc/odid/x").code != 0
+    assert companion.status()["privilege"]["realtime"] is True
+
+
+def test_the_doctor_finds_nobody_to_complain_of(companion):
+    result = companion.run("odidctl doctor")
+    assert result.output == "Nothing here is seen to disturb Remote ID.\n"
+
+
+def test_its_address_is_the_same_after_a_restart(companion):
+    """Else a receiver sees another aircraft."""
+    def addresses():
+        return {one.address for one in companion.air.heard("bt4", 3)}
+    before = addresses()
+    companion.must("systemctl restart odid")
+    companion.wait_on_air(position=True)
+    assert len(before) == 1 and addresses() == before
+
+
+def the_daemon_is_killed(machine):
+    machine.must("kill -KILL $(pidof odid-daemon)")
+
+
+def the_keeper_is_killed(machine):
+    machine.must("kill -KILL $(pidof odid-keeper)")
+
+
+def the_daemon_is_stopped(machine):
+    machine.must("kill -STOP $(pidof odid-daemon)")
+
+
+def the_access_point_is_killed(machine):
+    machine.must("kill -KILL $(pidof hostapd)")
+
+
+@pytest.mark.parametrize("harm,limit_s", [(the_daemon_is_killed, KILLED_S), (the_keeper_is_killed, KILLED_S),
+                                          (the_daemon_is_stopped, 5.0), (the_access_point_is_killed, 5.0)])
+def test_killed_it_is_back(companion, harm, limit_s):
+    gap_s, channel = content_gap(companion, harm, 12)
+    assert gap_s < 12, f"{channel} isn't back"
+    patience.promise(f"{harm.__name__}, on {channel}", gap_s, limit_s)
+    companion.wait_on_air(position=True)
+
+
+def test_a_keeper_that_hangs_is_started_again(companion):
+    """By systemd's watchdog; meanwhile the daemon goes on."""
+    before = companion.must("pidof odid-keeper")
+    companion.must(f"kill -STOP {before}")
+    companion.wait_for("another keeper", lambda: companion.run("pidof odid-keeper").output not in ("", before), every_s=1)
+    companion.wait_on_air(position=True)
+
+
+def bluetoothd_advertises_beside_it(machine):
+    machine.must("systemctl start bluetooth && (echo 'advertise on'; sleep 600) | bluetoothctl >/root/bluetoothctl 2>&1 &")
+
+
+def test_beside_a_bluetoothd_that_advertises(companion):
+    gap_s, channel = content_gap(companion, bluetoothd_advertises_beside_it, 12)
+    try:
+        assert "bluetoothd (process" in companion.run("odidctl doctor").output
+        patience.promise(f"beside a bluetoothd, on {channel}", gap_s, NEIGHBOUR_S)
+    finally:
+        companion.must("systemctl stop bluetooth")
+    companion.wait_on_air(position=True)
+
+
+def test_network_manager_leaves_the_beacon_s_interface_alone(companion):
+    companion.must("systemctl start NetworkManager")
+    try:
+        companion.wait_for("NetworkManager", lambda: "wlan0" in companion.run("nmcli -c no -t -f DEVICE device").output)
+        assert "wlan0:unmanaged" in companion.must("nmcli -c no -t -f DEVICE,STATE device")
+        companion.wait_on_air(position=True)
+        assert companion.run("odidctl doctor").code == 0
+    finally:
+        companion.must("systemctl stop NetworkManager")
+
+
+def test_upgraded_in_flight(companion, tmp_path):
+    folder = unpack(package.deb("amd64"), tmp_path / "next")
+    control = folder / "DEBIAN/control"
+    control.write_text(control.read_text().replace("Version: ", "Version: 9+", 1))
+    call("dpkg-deb", "--root-owner-group", "-b", folder, tmp_path / "next.deb")
+    companion.put("/root/next.deb", (tmp_path / "next.deb").read_bytes())
+    before = companion.must("pidof odid-keeper")
+
+    def upgrade(machine):
+        machine.must("dpkg -i /root/next.deb >/root/log 2>&1")
+    gap_s, channel = content_gap(companion, upgrade, 5)
+    assert companion.must("pidof odid-keeper") != before
+    patience.promise(f"an upgrade, on {channel}", gap_s, UPGRADE_S)
+    assert companion.must("cat /etc/odid/odid.conf") == CONFIG
+
+
+def test_settings_are_changed_on_the_ground(companion):
+    """In flight they are kept for the next start."""
+    said = companion.must("odidctl set wifi.channel 11")
+    assert "after the next power-on" in said
+    companion.must("odidctl set wifi.channel 6")
+
+
+def test_purged_it_is_gone(companion):
+    companion.must("apt-get purge --yes odid >/root/log 2>&1")
+    assert companion.run("pidof odid-daemon odid-keeper hostapd").code != 0
+    assert companion.run("getent passwd odid odid-hostapd").output == ""
+    left = companion.must("find / -xdev -path /var/lib/dpkg -prune -o -path /var/log -prune -o -path /root -prune -o "
+                          "-iname '*odid*' -print; ls -d /run/odid* 2>/dev/null || true")
+    assert left == "", companion.run("ls -laR /etc/odid; tail -n 5 /root/log").output
