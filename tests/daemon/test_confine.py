@@ -106,6 +106,21 @@ def test_what_it_reaches_with_them(family, kind, protocol, error):
 
 
 @of_root
+@pytest.mark.parametrize("level, option, size", [
+    (263, 5, 16), (263, 13, 16),  # the rings of if_packet.h, for receiving and sending
+    ("socket.SOL_SOCKET", 33, 4), ("socket.SOL_SOCKET", 32, 4)])  # buffers beyond what everybody may have
+def test_it_takes_no_memory_that_counts_as_nobody_s(level, option, size):
+    """Its group's limit doesn't see these pages."""
+    program = ("import ctypes, socket, sys; libc = ctypes.CDLL(None, use_errno=True); "
+               "one = socket.socket(socket.AF_PACKET, socket.SOCK_RAW); "
+               f"set = libc.setsockopt(one.fileno(), {level}, {option}, bytes({size}), {size}); "
+               "sys.exit(0 if set == 0 else ctypes.get_errno())")
+    python = os.path.realpath(sys.executable)
+    assert subprocess.run([python, "-c", program]).returncode == 0
+    assert subprocess.run([*AS_NOBODY, python, "-c", program]).returncode == errno.EPERM
+
+
+@of_root
 def test_it_leaves_no_process_behind():
     said = subprocess.run([*AS_NOBODY, "sh", "-c", "sleep 1000 & echo left"], capture_output=True, text=True)
     assert said.returncode != 0 and not said.stdout and "fork" in said.stderr

@@ -71,3 +71,11 @@ def test_an_environment_that_is_not_found_is_a_fault(appliance):
     appliance.change("lib/odid/board-settings", ("sleep 1", ":"))
     assert run(appliance, environment=None).returncode == 1
     assert "can't be read" in appliance.fault("board")
+
+
+def test_one_that_is_known_not_to_be_readable_is_not_waited_for(appliance):
+    """Each setting that was saved took a minute, in which the page answered nothing."""
+    appliance.change("lib/odid/board-settings", ("sleep 1", "exit 9"))
+    appliance.write("run/faults/environment", "It can't be read.\n")
+    assert run(appliance, environment=None).returncode == 1
+    assert "can't be read" in appliance.fault("board")

@@ -490,6 +490,24 @@ def test_the_ground_station_is_heard_by_its_own_way_only(appliance, address, dro
     assert 'insert rule inet odid input ip daddr 192.168.41.0/24 iif != "lo" iifname != "wlan0" counter drop' in rules
 
 
+@pytest.mark.parametrize("before, said", [(False, "SSH and maintenance stay closed"), (True, "stays as it was")])
+def test_a_filter_that_can_not_be_loaded_says_what_is_open(appliance, before, said):
+    """Loaded anew in vain, it goes on as it was; and it was said that SSH and maintenance are closed."""
+    if before:
+        appliance.write("run/odid-appliance/firewall", "\n")
+    appliance.write("usr/bin/nft", "#!/bin/sh\nexit 1\n")
+    assert appliance.run("/lib/odid/firewall").returncode == 1 and said in appliance.fault("firewall")
+
+
+def test_a_filter_that_can_not_be_loaded_at_boot_is_tried_again(appliance):
+    """SSH and maintenance stayed closed until power-off."""
+    appliance.change("etc/init.d/S50firewall", ("sleep $pause", ":"), ("nice -n 5 ", ""))
+    appliance.write("lib/odid/firewall", "#!/bin/sh\necho load >>/calls\n[ $(wc -l </calls) -ge 2 ]\n")
+    appliance.write("calls", "")
+    appliance.must(". /etc/init.d/S50firewall; wait")
+    assert appliance.calls() == ["load"] * 2
+
+
 WAY = "add element inet odid way { 2 }"
 
 
@@ -931,6 +949,16 @@ def test_the_page_is_there_by_cable_whatever_the_access_point_does(appliance):
     assert appliance.run("/lib/odid/maintenance on").returncode == 1  # to be tried again
     assert appliance.read("run/odid-appliance/maintenance") == "on\n"
     assert appliance.calls()[-1] == "sv up odid-web"
+
+
+def test_an_access_point_whose_configuration_can_not_be_made_is_tried_again(appliance):
+    """It had the technician's key, and room for nobody, and passed for open."""
+    appliance.write("data/secrets/maintenance.psk", KEY + "\n")
+    appliance.write("sys/class/net/wlan0/operstate", "up\n")
+    appliance.must("/lib/odid/hostapd-config /run/hostapd.conf")
+    appliance.settings(wifi__country="")
+    assert appliance.run("/lib/odid/maintenance on").returncode == 1
+    assert appliance.calls()[-1] == "sv up odid-web" and "can't be made" in appliance.fault("access_point")
 
 
 def decided(appliance, calls, asked=0):
@@ -1998,7 +2026,8 @@ def ended(appliance, code, signal, times):
 
 
 def test_an_orderly_end_is_no_fault(appliance):
-    assert ended(appliance, 0, 0, 6) == [] and ended(appliance, -1, 15, 6) == []
+    """inotifyd answers SIGTERM with its number: four settings saved in a row made a fault of the service maintenance."""
+    assert ended(appliance, 0, 0, 6) == [] and ended(appliance, -1, 15, 6) == [] and ended(appliance, 15, 0, 6) == []
     assert not os.listdir(appliance.root / "run/faults")
 
 

@@ -10,6 +10,7 @@
  */
 #include <cap-ng.h>
 #include <errno.h>
+#include <linux/if_packet.h>
 #include <linux/netlink.h>
 #include <pwd.h>
 #include <seccomp.h>
@@ -69,6 +70,25 @@ static int refuse_sockets(scmp_filter_ctx filter, uint32_t refuse, bool has_righ
     return result < 0 ? result : refuse_netlink_but_interfaces_and_radio(filter, refuse);
 }
 
+/* Pages that the kernel counts as nobody's: a group's limit of memory doesn't see them. */
+static int refuse_memory_of_nobody(scmp_filter_ctx filter, uint32_t refuse)
+{
+    static const scmp_datum_t options[][2] = {
+        {SOL_PACKET, PACKET_RX_RING},
+        {SOL_PACKET, PACKET_TX_RING},
+        {SOL_SOCKET, SO_RCVBUFFORCE},
+        {SOL_SOCKET, SO_SNDBUFFORCE},
+    };
+    int result = 0;
+
+    for (size_t i = 0; result == 0 && i < COUNT(options); i++) {
+        result = seccomp_rule_add(filter, refuse, SCMP_SYS(setsockopt), 2,
+                                  SCMP_A1(SCMP_CMP_MASKED_EQ, number, options[i][0]),
+                                  SCMP_A2(SCMP_CMP_MASKED_EQ, number, options[i][1]));
+    }
+    return result;
+}
+
 /* With an error: a library that only tries goes on without. What makes sockets by another way isn't
  * to be had either. */
 static int add_refusals(scmp_filter_ctx filter, bool has_rights)
@@ -79,6 +99,9 @@ static int add_refusals(scmp_filter_ctx filter, bool has_rights)
     if (result == 0) { /* by a line discipline a pseudo-terminal becomes a Bluetooth controller */
         result = seccomp_rule_add(filter, refuse, SCMP_SYS(ioctl), 1,
                                   SCMP_A1(SCMP_CMP_MASKED_EQ, number, TIOCSETD));
+    }
+    if (result == 0 && has_rights) {
+        result = refuse_memory_of_nobody(filter, refuse);
     }
     return result < 0 ? result : refuse_sockets(filter, refuse, has_rights);
 }
