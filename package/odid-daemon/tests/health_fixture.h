@@ -96,6 +96,7 @@ static inline void fixture_reset(void)
         .radios = fixture.radios,
         .extended_room = MESSAGES_EXTENDED_SIZE,
         .realtime = true,
+        .filter = true,
         .speaks = true,
     };
 }

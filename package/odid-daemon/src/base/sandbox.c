@@ -22,6 +22,8 @@
 /* CPU time without a pause after which the kernel ends us (SIGXCPU): a loop that spins at
  * real-time priority would starve everything else, and is restarted instead. */
 #define SPIN_MAX_US 500000
+/* Who has no rights but the two that are kept. */
+#define INSTEAD "nobody"
 
 /* Pages stay in memory once touched; not all at once, that would be megabytes. */
 static void lock_memory(void)
@@ -335,7 +337,7 @@ static bool may_more(void)
     return false;
 }
 
-/* Who was started as that user, by a service manager or in a container, has the rights that there
+/* Who wasn't started as root, but by a service manager or in a container, has the rights that there
  * are: of them the two are kept. One that is missing costs its radio, not the others. */
 static int keep_rights(void)
 {
@@ -367,11 +369,18 @@ static int become(const char *user)
     const struct passwd *entry = getpwnam(user);
     int result, parent_death_signal = 0;
 
+    if (geteuid() != 0) {
+        if (entry == NULL || entry->pw_uid != geteuid()) {
+            log_warning("only root becomes user \"%s\": this one, %u, stays", user, geteuid());
+        }
+        return keep_rights();
+    }
+    if (entry == NULL) {
+        log_warning("there is no user \"%s\": \"%s\" is taken", user, INSTEAD);
+        entry = getpwnam(INSTEAD);
+    }
     if (entry == NULL) {
         return -ENOENT;
-    }
-    if (entry->pw_uid != 0 && geteuid() == entry->pw_uid) {
-        return keep_rights();
     }
     if (prctl(PR_GET_PDEATHSIG, &parent_death_signal) < 0) {
         return -errno;
@@ -405,8 +414,10 @@ int sandbox_enter(const char *user, bool log_only)
         return result;
     }
     result = enter_filter(log_only);
-    if (result < 0) {
-        log_error("can't enter the system-call filter: %s", strerror(-result));
+    if (result < 0) { /* the kernel's, a container's or a service manager's doing */
+        log_warning("can't enter the system-call filter (%s): it goes on without",
+                    strerror(-result));
+        return SANDBOX_NO_FILTER;
     }
-    return result;
+    return 0;
 }

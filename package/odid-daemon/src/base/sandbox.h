@@ -16,11 +16,14 @@ int sandbox_realtime(void);
 
 /*
  * Becomes user (with its supplementary groups: tty, rfkill's and hostapd's),
- * or stays it, with the rights that it was started with, and enters the filter. log_only: forbidden
- * calls are logged by the kernel instead of ending us; those that nothing here ever needs (another
- * program, mounts, the kernel, other users and processes) fail with EPERM. Returns 0, or -errno
- * with a log line that says which step failed.
+ * and enters the filter. Who isn't root stays who it is, with what it has of the two rights; a user
+ * that there is not is replaced by nobody: no setting keeps the broadcast silent. log_only:
+ * forbidden calls are logged by the kernel instead of ending us; those that nothing here ever needs
+ * (another program, mounts, the kernel, other users and processes) fail with EPERM. Returns 0,
+ * SANDBOX_NO_FILTER where none is to be had, or -errno, with a log line that says which step
+ * failed.
  */
+#define SANDBOX_NO_FILTER 1
 int sandbox_enter(const char *user, bool log_only);
 
 #endif

@@ -596,7 +596,11 @@ static void judge_daemon(struct health *health, const struct health_input *input
                 "configuration: %u value%s not usable", input->config_errors,
                 input->config_errors == 1 ? "" : "s");
     }
-    if (input->filter_logging) {
+    if (!input->filter) {
+        WARNING("no-filter",
+                "Whoever is started in its place has more of the computer: allow it seccomp(2).",
+                "no system-call filter");
+    } else if (input->filter_logging) {
         WARNING("filter-logs",
                 "It ended twice by a forbidden system call: send the log to whoever maintains it.",
                 "system-call filter only logs");

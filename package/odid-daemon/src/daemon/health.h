@@ -43,7 +43,8 @@ struct health_input {
     const struct radio *radios; /* [CHANNELS] */
     size_t extended_room;       /* octets that Bluetooth 5's controller takes */
     unsigned config_errors;     /* values that could not be used */
-    bool filter_logging;        /* the system-call filter only logs */
+    bool filter;                /* the system-call filter was to be had */
+    bool filter_logging;        /* and only logs */
     bool realtime;              /* real-time priority was granted */
     bool speaks;                /* anything came of the autopilot, a moment ago */
     bool others_only;           /* frames come, a moment ago, and none of any autopilot's */

@@ -54,7 +54,7 @@ static struct {
     struct loop_watch signals;
     int64_t start_us, look_us, tell_us;
     bool told_fault;
-    bool realtime;
+    bool realtime, filter;
 } self = {.signals.fd = -1};
 
 static const struct config *config(void)
@@ -124,6 +124,7 @@ static void judge(struct health_input *input, struct health *health, struct airc
         .radios = self.radios,
         .extended_room = bluetooth_extended_room(),
         .config_errors = self.options.errors,
+        .filter = self.filter,
         .filter_logging = self.options.seccomp_log,
         .realtime = self.realtime,
         .speaks = telemetry_vehicle_speaks(self.telemetry, now_us),
@@ -374,9 +375,11 @@ static int run_daemon(void)
     }
     run_dir_prepare(config()->run_dir, config()->user, self.options.appliance);
     alive_open();
-    if (sandbox_enter(config()->user, self.options.seccomp_log) < 0) {
+    result = sandbox_enter(config()->user, self.options.seccomp_log);
+    if (result < 0) {
         return EXIT_FAILURE;
     }
+    self.filter = result != SANDBOX_NO_FILTER;
     log_info("odid-daemon %s, process %d", ODID_VERSION, (int)getpid());
     start_modules(loop_now_us());
     result = loop_run();

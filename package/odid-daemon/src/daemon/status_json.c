@@ -344,6 +344,7 @@ static void add_daemon(struct json_object *root, const struct status_snapshot *s
         lateness->slots == 0 ? NULL : json_object_new_int64(lateness->max_us));
     object = add_object(root, "privilege");
     add_bool(object, "realtime", snapshot->input.realtime);
+    add_bool(object, "filter", snapshot->input.filter);
     add_bool(object, "filter_logging", snapshot->input.filter_logging);
 }
 

@@ -13,6 +13,7 @@
 #include <netinet/in.h>
 #include <poll.h>
 #include <pwd.h>
+#include <seccomp.h>
 #include <signal.h>
 #include <stdbool.h>
 #include <stdio.h>
@@ -445,11 +446,73 @@ static void who_is_that_user_already_keeps_of_the_two_rights_those_that_it_has(v
     }
 }
 
-static void an_unknown_user_is_an_error(void **state)
+static void is_nobody(void)
 {
+    MUST(geteuid() == getpwnam("nobody")->pw_uid);
+}
+
+/* No value of the key `user` keeps it silent. */
+static void a_user_that_there_is_not_is_replaced(void **state)
+{
+    int status;
+    pid_t child;
+
     (void)state;
     need_root();
-    assert_true(sandbox_enter("no-such-user-here", false) < 0);
+    child = fork();
+    assert_true(child >= 0);
+    if (child == 0) {
+        MUST(sandbox_enter("no-such-user-here", true) == 0);
+        is_nobody();
+        leave(0);
+    }
+    assert_int_equal(waitpid(child, &status, 0), child);
+    assert_ended_well(status);
+}
+
+static void who_is_not_root_stays_who_it_is(void **state)
+{
+    int status;
+    pid_t child;
+
+    (void)state;
+    need_root();
+    child = fork();
+    assert_true(child >= 0);
+    if (child == 0) {
+        be_started_as_user(1ULL << CAP_NET_RAW);
+        MUST(sandbox_enter("root", true) == 0);
+        is_nobody();
+        leave(0);
+    }
+    assert_int_equal(waitpid(child, &status, 0), child);
+    assert_ended_well(status);
+}
+
+/* By a service manager's filter, or a kernel without. */
+static void without_a_filter_it_goes_on(void **state)
+{
+    int status;
+    pid_t child;
+
+    (void)state;
+    need_root();
+    child = fork();
+    assert_true(child >= 0);
+    if (child == 0) {
+        scmp_filter_ctx filter = seccomp_init(SCMP_ACT_ALLOW);
+
+        MUST(seccomp_rule_add(filter, SCMP_ACT_ERRNO(EPERM), SCMP_SYS(seccomp), 0) == 0);
+        MUST(seccomp_rule_add(filter, SCMP_ACT_ERRNO(EPERM), SCMP_SYS(prctl), 1,
+                              SCMP_A0(SCMP_CMP_EQ, PR_SET_SECCOMP)) == 0);
+        MUST(seccomp_load(filter) == 0);
+        MUST(sandbox_enter(USER, false) == SANDBOX_NO_FILTER);
+        make_a_directory();
+        leave(0);
+    }
+    assert_int_equal(waitpid(child, &status, 0), child);
+    rmdir("/tmp/odid-forbidden");
+    assert_ended_well(status);
 }
 
 int main(void)
@@ -463,7 +526,9 @@ int main(void)
         cmocka_unit_test(in_log_mode_the_daemon_works),
         cmocka_unit_test(proc_shows_user_capabilities_no_new_privs_and_filter),
         cmocka_unit_test(who_is_that_user_already_keeps_of_the_two_rights_those_that_it_has),
-        cmocka_unit_test(an_unknown_user_is_an_error),
+        cmocka_unit_test(a_user_that_there_is_not_is_replaced),
+        cmocka_unit_test(who_is_not_root_stays_who_it_is),
+        cmocka_unit_test(without_a_filter_it_goes_on),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -414,6 +414,9 @@ static void about_the_daemon(void **state)
     fixture.input.filter_logging = true;
     expect_one(HEALTH_WARNING, "system-call filter only logs");
     fixture.input.filter_logging = false;
+    fixture.input.filter = false;
+    expect_one(HEALTH_WARNING, "no system-call filter");
+    fixture.input.filter = true;
     fixture.input.realtime = false;
     expect_one(HEALTH_WARNING, "no real-time priority");
 }

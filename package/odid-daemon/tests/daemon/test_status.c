@@ -111,7 +111,7 @@ static void stable_names(void **state)
         "refused_messages");
     expect_fields(root, "configuration", "errors fingerprint sentences");
     expect_fields(root, "schedule", "slots skipped slot_lateness_p99_us slot_lateness_max_us");
-    expect_fields(root, "privilege", "realtime filter_logging");
+    expect_fields(root, "privilege", "realtime filter filter_logging");
     json_object_put(root);
 }
 
