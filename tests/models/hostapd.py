@@ -12,6 +12,9 @@ Orders, one a line on standard input, each answered by "done" or "error: ...":
   disabled | enabled  STATUS says so; no beacon while disabled
   delay MS            each answer comes this late
   forget              drops the element, as a reconfigured hostapd does
+  refuse N            the chip refuses the next N elements; as brcmfmac the driver takes the one that was refused for set, and
+                      fails with each other one, until it is told to send none
+  limit OCTETS        it refuses longer ones; 0: none is too long
 """
 
 import argparse
@@ -85,6 +88,7 @@ class ControlInterface:
         self.iface = iface
         self.given, self.active = b"", b""  # by SET; by UPDATE_BEACON
         self.fail, self.muted, self.enabled, self.delay_s = 0, False, True, 0.0
+        self.refusals, self.limit, self.refused = 0, 0, None  # refused: the last one, while the driver is wrong about it
 
     def status(self):
         state = "ENABLED" if self.enabled else "DISABLED"
@@ -103,6 +107,18 @@ class ControlInterface:
             return "FAIL\n"
         return "OK\n"
 
+    def send(self, element):
+        """What the driver says of it."""
+        if element and element == self.refused:
+            return True
+        refuses = self.refused is not None or self.refusals > 0 or 0 < self.limit < len(element)
+        if element and refuses:
+            self.refusals -= self.refusals > 0 and self.refused is None
+            self.active, self.refused = b"", element
+            return False
+        self.active, self.refused = element, None
+        return True
+
     def answer(self, request):
         command, *words = request.split(" ", 2)
         if request == "PING":
@@ -113,10 +129,7 @@ class ControlInterface:
             variable, *text = words or [""]
             return self.set_elements(*text) if variable == "vendor_elements" and text else "FAIL\n"  # no other one is modelled
         if request == "UPDATE_BEACON":
-            if not self.enabled:
-                return "FAIL\n"
-            self.active = self.given
-            return "OK\n"
+            return "OK\n" if self.enabled and self.send(self.given) else "FAIL\n"
         return "UNKNOWN COMMAND\n"
 
     def obey(self, words):
@@ -129,6 +142,10 @@ class ControlInterface:
             self.enabled = order == "enabled"
         elif order == "delay" and len(values) == 1:
             self.delay_s = float(*values) / 1000
+        elif order == "refuse" and len(values) == 1:
+            self.refusals = int(*values)
+        elif order == "limit" and len(values) == 1:
+            self.limit = int(*values)
         elif words == ["forget"]:
             self.given = self.active = b""
         else:

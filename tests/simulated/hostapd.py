@@ -22,7 +22,7 @@ class Hostapd(ControlInterface):
         """Its beacons begin without an element, whatever was in them before."""
         self._send(self.world.now_us)
         self.given = self.active = b""
-        self._heard = None
+        self.refused = self._heard = None
         self._next_us = self.world.now_us
         self.path.unlink(missing_ok=True)  # a killed one's
         self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)

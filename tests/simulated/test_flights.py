@@ -226,6 +226,41 @@ def test_what_a_daemon_that_was_taken_over_has_kept_holds_nobody_off(make_flight
         assert said == {2}, track.channel
 
 
+def heard_by_wifi(flight, kind):
+    """When each message of a kind was heard, in seconds of the flight."""
+    (track,) = (track for track in flight.judged().tracks if track.channel == "wifi")
+    return [heard.reception.mono - START_US / 1e6 for heard, _ in track.of_type(kind)]
+
+
+def longest_gap_s(times):
+    return max(later - earlier for earlier, later in pairwise(times))
+
+
+@pytest.mark.parametrize("times, without_self_id_s", [(1, 0.6), (2, 11.5)])
+def test_an_element_that_the_chip_refuses_for_once_is_given_again(make_flight, times, without_self_id_s):
+    """The driver then says OK to what isn't sent, and fails with all else: off the air until hostapd was started again. At the
+    second time it is shorter for ten seconds."""
+    flight = make_flight()
+    flight.at(AT_S, flight.hostapd.order, "refuse", str(times))
+    flight.fly(AT_S + 30)
+    assert longest_gap_s(heard_by_wifi(flight, "location")) < 0.6
+    assert longest_gap_s(heard_by_wifi(flight, "operator_id")) < 0.6
+    assert longest_gap_s(heard_by_wifi(flight, "self_id")) < without_self_id_s
+
+
+@pytest.mark.parametrize("messages, kinds", [(4, {"location", "basic_id", "system", "operator_id"}), (3, {"location", "basic_id", "operator_id"}),
+                                             (1, {"location", "basic_id", "system", "operator_id", "self_id"})])
+def test_a_chip_without_room_for_all_messages_has_those_that_matter_most(make_flight, messages, kinds):
+    """And where there is room for one only, each in turn. Trying more again and again costs hardly a beacon."""
+    flight = make_flight()
+    flight.at(AT_S, flight.hostapd.order, "limit", str(10 + 25 * messages))
+    flight.fly(FLIGHT_S)
+    later = {kind: [at for at in heard_by_wifi(flight, kind) if at > AT_S + 2]
+             for kind in ("location", "basic_id", "system", "operator_id", "self_id")}
+    assert {kind for kind, times in later.items() if times} == kinds
+    assert longest_gap_s(later["location"]) < 0.7 and all(longest_gap_s(later[kind]) < 3 for kind in kinds)
+
+
 # --- the flight record --------------------------------------------------------------------
 
 

@@ -25,6 +25,10 @@ struct fake_hostapd {
     bool passes;       /* a descriptor with each reply */
     bool disabled;
     const char *set_reply, *update_reply;
+    size_t limit;       /* longer elements are refused, in octets; 0: none is */
+    unsigned refuses;   /* so many updates */
+    bool confused;      /* as brcmfmac after a refusal, until its element is cleared */
+    char refused[1024]; /* which it then takes for set */
     char configured[1024], beacon[1024]; /* vendor elements, as hexadecimal */
     unsigned requests, statuses, sets, updates;
 };
@@ -58,6 +62,29 @@ static inline bool fake_pass(struct fake_hostapd *fake, const char *reply, int f
     return sendmsg(fake->watch.fd, &message, MSG_DONTWAIT) >= 0;
 }
 
+/* brcmfmac's, and the chip's: the element of before is deleted first, by what the driver believes
+ * that the chip has. */
+static bool fake_chip_refuses(struct fake_hostapd *fake)
+{
+    size_t octets = strlen(fake->configured) / 2;
+
+    if (octets == 0) {
+        fake->confused = false;
+        return false;
+    }
+    if (fake->confused && strcmp(fake->refused, fake->configured) == 0) {
+        return false;
+    }
+    if (!fake->confused && fake->refuses == 0 && (fake->limit == 0 || octets <= fake->limit)) {
+        return false;
+    }
+    fake->refuses -= fake->refuses > 0 && !fake->confused;
+    fake->confused = true;
+    memcpy(fake->refused, fake->configured, sizeof(fake->refused));
+    memset(fake->beacon, 0, sizeof(fake->beacon));
+    return true;
+}
+
 static const char *fake_obey_hostapd(struct fake_hostapd *fake, const char *request)
 {
     static const char set[] = "SET vendor_elements ";
@@ -76,8 +103,11 @@ static const char *fake_obey_hostapd(struct fake_hostapd *fake, const char *requ
     }
     if (strcmp(request, "UPDATE_BEACON") == 0) {
         fake->updates++;
-        if (fake->disabled) {
+        if (fake->disabled || fake_chip_refuses(fake)) {
             return "FAIL\n";
+        }
+        if (fake->confused) {
+            return "OK\n"; /* and does nothing */
         }
         if (strcmp(fake->update_reply, "OK\n") == 0) {
             memcpy(fake->beacon, fake->configured, sizeof(fake->beacon));

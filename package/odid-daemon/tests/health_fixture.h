@@ -95,6 +95,7 @@ static inline void fixture_reset(void)
         .link = &fixture.link,
         .radios = fixture.radios,
         .extended_room = MESSAGES_EXTENDED_SIZE,
+        .beacon_most = MESSAGES_PACK_MAX,
         .realtime = true,
         .filter = true,
         .speaks = true,

@@ -76,10 +76,14 @@ static void set_extended(const struct aircraft_view *view, int64_t now_us)
     bluetooth_set_extended(data, size, now_us);
 }
 
-static void set_beacon(const uint8_t *pack, size_t pack_size, int64_t now_us)
+/* The fullest pack that the chip takes; of one that takes single messages only, the one whose turn
+ * it is. */
+static void set_beacon(const struct aircraft_view *view, enum message_type type, unsigned index,
+                       int64_t now_us)
 {
-    uint8_t data[MESSAGES_ELEMENT_SIZE];
-    size_t size;
+    uint8_t pack[MESSAGES_PACK_SIZE], data[MESSAGES_ELEMENT_SIZE];
+    unsigned most = wifi_beacon_most();
+    size_t pack_size, size;
 
     if (!self.config->wifi_beacon_enabled) {
         return;
@@ -87,6 +91,9 @@ static void set_beacon(const uint8_t *pack, size_t pack_size, int64_t now_us)
     if (wifi_beacon_waits()) {
         self.counters.beacon = self.before.beacon;
     }
+    pack_size =
+        most > 1 ? messages_pack(view, most, pack) : messages_pack_of(view, type, index, pack);
+    self.beacon_fix_us = view->location.fix_us;
     self.beacon_us = now_us;
     self.before.beacon = self.counters.beacon;
     size = messages_element(&self.counters.beacon, pack, pack_size, data);
@@ -116,8 +123,6 @@ static void on_slot(void *context, int64_t now_us)
     struct aircraft_view view;
     struct schedule_entry entry;
     unsigned available[MESSAGE_TYPES];
-    uint8_t pack[MESSAGES_PACK_SIZE];
-    size_t pack_size;
 
     (void)context;
     aircraft_view(self.aircraft, now_us, &view);
@@ -134,10 +139,8 @@ static void on_slot(void *context, int64_t now_us)
         self.legacy_fix_us = view.location.fix_us;
     }
     set_legacy(&view, entry.type, entry.index, now_us);
-    pack_size = messages_pack(&view, MESSAGES_PACK_MAX, pack);
     if (now_us - self.beacon_us >= BEACON_US) {
-        self.beacon_fix_us = view.location.fix_us;
-        set_beacon(pack, pack_size, now_us);
+        set_beacon(&view, entry.type, entry.index, now_us);
     }
     if (now_us - self.extended_us >= EXTENDED_US) {
         set_extended(&view, now_us);
@@ -146,13 +149,12 @@ static void on_slot(void *context, int64_t now_us)
     loop_arm(&self.slot, entry.until_us);
 }
 
+/* Where each message has its turn, a position doesn't take another one's. */
 static void renew_beacon(const struct aircraft_view *view, int64_t now_us)
 {
-    uint8_t pack[MESSAGES_PACK_SIZE];
-
-    if (now_us - self.beacon_us >= BEACON_US && view->location.fix_us > self.beacon_fix_us) {
-        self.beacon_fix_us = view->location.fix_us;
-        set_beacon(pack, messages_pack(view, MESSAGES_PACK_MAX, pack), now_us);
+    if (wifi_beacon_most() > 1 && now_us - self.beacon_us >= BEACON_US &&
+        view->location.fix_us > self.beacon_fix_us) {
+        set_beacon(view, MESSAGE_LOCATION, 0, now_us);
         keep_counters();
     }
 }

@@ -369,7 +369,7 @@ static void judge_altitudes(struct health *health, const struct health_input *in
 }
 
 /* What a smaller pack lacks, the worst first: what is behind the room for it isn't seen. */
-static void judge_pack(struct health *health, const struct health_input *input, int64_t now_us)
+static void name_left_out(const struct aircraft_view *view, unsigned most, char names[64])
 {
     static const struct {
         enum message_type type;
@@ -379,25 +379,41 @@ static void judge_pack(struct health *health, const struct health_input *input, 
                  {MESSAGE_SYSTEM, "System"},
                  {MESSAGE_SELF_ID, "Self-ID"},
                  {MESSAGE_AUTHENTICATION, "Authentication"}};
-    unsigned most = MESSAGES_EXTENDED_MOST(input->extended_room);
-    char names[64] = "";
 
-    if (!on_air(input, CHANNEL_BT5, now_us)) {
-        return;
-    }
+    names[0] = '\0';
     for (size_t i = 0; i < sizeof(order) / sizeof(order[0]); i++) {
         size_t length = strlen(names);
 
-        if (messages_left_out(input->view, most, order[i].type)) {
-            snprintf(names + length, sizeof(names) - length, "%s%s", length > 0 ? ", " : "",
-                     order[i].name);
+        if (messages_left_out(view, most, order[i].type)) {
+            snprintf(names + length, 64 - length, "%s%s", length > 0 ? ", " : "", order[i].name);
         }
     }
-    if (names[0] != '\0') {
+}
+
+static void judge_packs(struct health *health, const struct health_input *input, int64_t now_us)
+{
+    char names[64];
+
+    name_left_out(input->view, MESSAGES_EXTENDED_MOST(input->extended_room), names);
+    if (on_air(input, CHANNEL_BT5, now_us) && names[0] != '\0') {
         WARNING("pack-too-small",
                 "Its controller has no room for them: use another one ([broadcast] bt5_adapter). "
                 "The other channels say them.",
                 "Bluetooth 5 lacks %s", names);
+    }
+    name_left_out(input->view, input->beacon_most, names);
+    if (!on_air(input, CHANNEL_WIFI, now_us) || names[0] == '\0') {
+        return;
+    }
+    if (input->beacon_most == 1) {
+        WARNING("beacon-single",
+                "Its chip refused packs: each message is in every few beacons. Bluetooth says all.",
+                "Wi-Fi: one message at a time");
+    } else {
+        WARNING(
+            "beacon-too-small",
+            "Its chip refused more: say less, or set another adapter as [broadcast] wifi_iface.",
+            "Wi-Fi lacks %s", names);
     }
 }
 
@@ -647,7 +663,7 @@ void health_judge(struct health *health, const struct health_input *input, int64
     judge_conflicts(health, input->condition);
     judge_contradictions(health, input);
     judge_data(health, input);
-    judge_pack(health, input, now_us);
+    judge_packs(health, input, now_us);
     judge_whole_pack(health, input, now_us);
     judge_flood(health, input, now_us);
     judge_daemon(health, input);

@@ -42,6 +42,7 @@ struct health_input {
     const struct link_status *link;
     const struct radio *radios; /* [CHANNELS] */
     size_t extended_room;       /* octets that Bluetooth 5's controller takes */
+    unsigned beacon_most;       /* messages that Wi-Fi's chip takes in a beacon */
     unsigned config_errors;     /* values that could not be used */
     bool filter;                /* the system-call filter was to be had */
     bool filter_logging;        /* and only logs */

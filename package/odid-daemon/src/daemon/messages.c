@@ -345,6 +345,23 @@ bool messages_exceed_pack(const struct aircraft_view *view, enum message_type ty
     return whole[type] < messages_available(view, type);
 }
 
+/* Returns the size of a pack whose messages end here. */
+static size_t finish_pack(uint8_t pack[MESSAGES_PACK_SIZE], const uint8_t *end)
+{
+    pack[0] = ODID_MESSAGETYPE_PACKED << 4 | ODID_PROTOCOL_VERSION;
+    pack[1] = MESSAGE_SIZE;
+    pack[2] = (uint8_t)((end - (pack + 3)) / MESSAGE_SIZE);
+    return (size_t)(end - pack);
+}
+
+size_t messages_pack_of(const struct aircraft_view *view, enum message_type type, unsigned index,
+                        uint8_t pack[MESSAGES_PACK_SIZE])
+{
+    bool there = messages_encode(view, type, index, pack + 3);
+
+    return finish_pack(pack, pack + 3 + (there ? MESSAGE_SIZE : 0));
+}
+
 size_t messages_pack(const struct aircraft_view *view, unsigned most,
                      uint8_t pack[MESSAGES_PACK_SIZE])
 {
@@ -359,10 +376,7 @@ size_t messages_pack(const struct aircraft_view *view, unsigned most,
             }
         }
     }
-    pack[0] = ODID_MESSAGETYPE_PACKED << 4 | ODID_PROTOCOL_VERSION;
-    pack[1] = MESSAGE_SIZE;
-    pack[2] = (uint8_t)((message - (pack + 3)) / MESSAGE_SIZE);
-    return (size_t)(message - pack);
+    return finish_pack(pack, message);
 }
 
 size_t messages_extended(struct messages_counter *counter, const uint8_t *pack, size_t pack_size,

@@ -28,6 +28,7 @@
     ((unsigned)(((octets)-MESSAGES_EXTENDED_EMPTY) / MESSAGE_SIZE))
 /* DD <length> FA 0B BC 0D <counter> <pack>: an 802.11 vendor specific element. */
 #define MESSAGES_ELEMENT_SIZE (7 + MESSAGES_PACK_SIZE)
+#define MESSAGES_ELEMENT_EMPTY (7 + 3) /* of a pack without messages */
 
 /* ASTM message types. */
 enum message_type {
@@ -80,6 +81,10 @@ bool messages_legacy(struct messages_counters *counters, const struct aircraft_v
  */
 size_t messages_pack(const struct aircraft_view *view, unsigned most,
                      uint8_t pack[MESSAGES_PACK_SIZE]);
+
+/* Encodes one message as a pack of its own; none of a type that the view hasn't got. */
+size_t messages_pack_of(const struct aircraft_view *view, enum message_type type, unsigned index,
+                        uint8_t pack[MESSAGES_PACK_SIZE]);
 
 /* Is there less of a type in a pack of at most so many than in one of MESSAGES_PACK_MAX? */
 bool messages_left_out(const struct aircraft_view *view, unsigned most, enum message_type type);

@@ -123,6 +123,7 @@ static void judge(struct health_input *input, struct health *health, struct airc
         .link = link_status(),
         .radios = self.radios,
         .extended_room = bluetooth_extended_room(),
+        .beacon_most = wifi_beacon_most(),
         .config_errors = self.options.errors,
         .filter = self.filter,
         .filter_logging = self.options.seccomp_log,

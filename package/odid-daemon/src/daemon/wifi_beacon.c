@@ -14,13 +14,24 @@
 #define STATUS_SOON_US 200000 /* while it isn't enabled: it is about to be, at boot */
 /* An unchanged element is set again after this long: a reconfigured hostapd has forgotten it. */
 #define REFRESH_US 5000000
-/* What hostapd refused is tried again after this long. */
+/* What was refused is tried again after this long; what may do better, at once. */
 #define REFUSED_US 250000
+/* A fuller pack than what is taken is tried again: first after this long, then half as often each
+ * time. */
+#define AGAIN_US 10000000
+#define AGAIN_MAX_US 600000000
 
 #define SET_REQUEST "SET vendor_elements "
 
 /* What the awaited reply answers. */
-enum request { REQUEST_NONE, REQUEST_STATUS, REQUEST_SET, REQUEST_UPDATE };
+enum request {
+    REQUEST_NONE,
+    REQUEST_STATUS,
+    REQUEST_SET,
+    REQUEST_UPDATE,
+    REQUEST_CLEAR_SET,
+    REQUEST_CLEAR_UPDATE,
+};
 
 static struct {
     const struct config *config;
@@ -35,7 +46,14 @@ static struct {
     int64_t status_us;  /* when to ask for the status next */
     int64_t refresh_us; /* when to give the element again, although it is the same */
     int64_t allowed_us; /* no element before this */
-    size_t length;      /* of the element; 0: none was given yet */
+    unsigned refusals;  /* running */
+    bool refused;       /* and it isn't known yet whether the interface is up */
+    bool to_clear;      /* the driver's idea of what is in the beacon may be wrong */
+    unsigned most;      /* messages in an element */
+    unsigned taken;     /* so many were taken, and more is being tried; 0: no trial */
+    unsigned given;     /* in the element that hostapd was given last */
+    int64_t again_us, again_wait_us;
+    size_t length; /* of the element; 0: none was given yet */
     uint8_t element[MESSAGES_ELEMENT_SIZE];
 } self;
 
@@ -85,6 +103,13 @@ static void request(enum request kind, const char *text, int64_t now_us)
     self.request = kind;
 }
 
+static unsigned messages_in(size_t length)
+{
+    return length < MESSAGES_ELEMENT_EMPTY
+               ? 0
+               : (unsigned)((length - MESSAGES_ELEMENT_EMPTY) / MESSAGE_SIZE);
+}
+
 static void send_element(int64_t now_us)
 {
     static const char digits[] = "0123456789abcdef";
@@ -97,6 +122,7 @@ static void send_element(int64_t now_us)
     }
     *end = '\0';
     self.pending = false;
+    self.given = messages_in(self.length);
     self.refresh_us = now_us + REFRESH_US;
     request(REQUEST_SET, text, now_us);
 }
@@ -123,6 +149,8 @@ static void advance(int64_t now_us)
     if (now_us >= self.status_us) {
         self.status_us = now_us + (self.enabled ? STATUS_EVERY_US : STATUS_SOON_US);
         request(REQUEST_STATUS, "STATUS", now_us);
+    } else if (self.to_clear && self.enabled) {
+        request(REQUEST_CLEAR_SET, SET_REQUEST, now_us);
     } else if (now_us >= element_us) {
         send_element(now_us);
     } else {
@@ -149,6 +177,75 @@ static void find_state(const char *reply, char value[32])
     }
 }
 
+/* ---- a chip that refuses ---- */
+
+static void forget_refusals(void)
+{
+    self.refused = self.to_clear = false;
+    self.refusals = self.taken = 0;
+    self.most = MESSAGES_PACK_MAX;
+    self.again_us = LOOP_NEVER;
+    self.again_wait_us = AGAIN_US;
+}
+
+static void try_again_later(int64_t now_us)
+{
+    self.again_us = now_us + self.again_wait_us;
+    self.again_wait_us *= self.again_wait_us < AGAIN_MAX_US ? 2 : 1;
+}
+
+static bool is_trial(void)
+{
+    return self.taken != 0 && self.given > self.taken;
+}
+
+/* Without Self-ID and Authentication, then what has to be there at least, then one by one. */
+static unsigned less_than(unsigned messages)
+{
+    return messages > 4 ? 4 : messages > 3 ? 3 : 1;
+}
+
+/*
+ * The interface is up, and refused the element: for its length, or for once.
+ * brcmfmac then takes the same element for set already and deletes another one
+ * that the chip hasn't got, until what it keeps is cleared. What was refused for
+ * once, by a radio that was switched off a moment ago too, is given whole again.
+ */
+static void take_less(int64_t now_us)
+{
+    self.to_clear = true;
+    if (is_trial()) {
+        self.most = self.taken;
+    } else if (self.refusals == 1) {
+        return;
+    } else if (self.given > 1) {
+        self.most = less_than(self.given);
+    } else {
+        self.allowed_us = now_us + REFUSED_US; /* there is nothing less */
+        return;
+    }
+    self.taken = 0;
+    try_again_later(now_us);
+    if (messages_in(self.length) > self.most) {
+        self.length = 0; /* a shorter one takes its place, and its counter */
+    }
+}
+
+static void try_more(int64_t now_us)
+{
+    if (is_trial()) {
+        self.taken = 0;
+        self.again_us = LOOP_NEVER;
+        self.again_wait_us = AGAIN_US;
+    } else if (now_us >= self.again_us) {
+        self.again_us = LOOP_NEVER;
+        self.taken = self.most;
+        self.most = MESSAGES_PACK_MAX;
+    }
+}
+
+/* ---- what was answered ---- */
+
 static void take_status(const char *reply, int64_t now_us)
 {
     char detail[RADIO_DETAIL_SIZE], state[32];
@@ -156,6 +253,10 @@ static void take_status(const char *reply, int64_t now_us)
 
     find_state(reply, state);
     enabled = strcmp(state, "ENABLED") == 0;
+    if (enabled && self.refused) {
+        take_less(now_us);
+    }
+    self.refused = false;
     if (enabled) {
         self.pending = self.pending || !self.enabled; /* it may have forgotten */
         if (!self.pending && self.radio->state == RADIO_ON_AIR) {
@@ -175,12 +276,26 @@ static void take_refusal(const char *what, const char *reply, int64_t now_us)
 {
     char detail[RADIO_DETAIL_SIZE];
 
-    snprintf(detail, sizeof(detail), "hostapd answered \"%.20s\" to %s", reply, what);
-    self.radio->failures++;
     self.pending = true;
     self.allowed_us = now_us + REFUSED_US;
     self.status_us = now_us; /* most likely its interface went down */
+    snprintf(detail, sizeof(detail), "hostapd answered \"%.20s\" to %s", reply, what);
+    self.radio->failures++;
     radio_enter(self.radio, CHANNEL_WIFI, RADIO_LOST, detail, now_us);
+}
+
+/* The driver's word, or the chip's. */
+static void take_refused_update(const char *reply, int64_t now_us)
+{
+    self.refused = true;
+    if (is_trial()) { /* what was taken before is given again at once */
+        self.pending = true;
+        self.status_us = now_us;
+        return;
+    }
+    take_refusal("UPDATE_BEACON", reply, now_us);
+    self.refusals++;
+    self.allowed_us = now_us; /* whole once more, or shorter */
 }
 
 static void take_success(int64_t now_us)
@@ -188,8 +303,11 @@ static void take_success(int64_t now_us)
     char detail[RADIO_DETAIL_SIZE];
 
     retry_reset(&self.retry);
+    self.refusals = 0;
     self.fresh = self.pending; /* by another one, meanwhile */
-    snprintf(detail, sizeof(detail), "%s, in every beacon", self.config->wifi_iface);
+    try_more(now_us);
+    snprintf(detail, sizeof(detail), "%s, in every beacon%s", self.config->wifi_iface,
+             self.most < MESSAGES_PACK_MAX ? ", shortened: the chip refused more" : "");
     radio_enter(self.radio, CHANNEL_WIFI, RADIO_ON_AIR, detail, now_us);
     if (radio_accepted(self.radio, CHANNEL_WIFI, now_us) || !self.pending) {
         radio_confirmed(self.radio, now_us);
@@ -205,9 +323,14 @@ static void on_reply(void *context, const char *reply, int64_t now_us)
     self.request = REQUEST_NONE;
     if (answered == REQUEST_STATUS) {
         take_status(reply, now_us);
+    } else if (answered == REQUEST_CLEAR_SET) {
+        request(REQUEST_CLEAR_UPDATE, "UPDATE_BEACON", now_us);
+    } else if (answered == REQUEST_CLEAR_UPDATE) {
+        self.to_clear = false; /* also by a "FAIL" */
+    } else if (!ok && answered == REQUEST_SET) {
+        take_refusal("SET vendor_elements", reply, now_us);
     } else if (!ok) {
-        take_refusal(answered == REQUEST_SET ? "SET vendor_elements" : "UPDATE_BEACON", reply,
-                     now_us);
+        take_refused_update(reply, now_us);
     } else if (answered == REQUEST_SET) {
         request(REQUEST_UPDATE, "UPDATE_BEACON", now_us); /* without it nothing changes */
     } else {
@@ -236,6 +359,7 @@ static void open_control(int64_t now_us)
     }
     self.request = REQUEST_NONE;
     self.enabled = false;
+    forget_refusals(); /* another one may have another chip's driver, and a new start anyway */
     self.status_us = self.allowed_us = now_us;
     advance(now_us);
 }
@@ -254,6 +378,7 @@ void wifi_beacon_start(const struct config *config, struct radio *radio, int64_t
 {
     self.config = config;
     self.radio = radio;
+    forget_refusals();
     hostapd_control_init(&self.control, on_reply, on_lost, NULL);
     loop_timer_init(&self.timer, on_timer, NULL);
     radio_init(radio, config->wifi_beacon_enabled ? RADIO_STARTING : RADIO_DISABLED, now_us);
@@ -276,6 +401,11 @@ void wifi_beacon_set(const uint8_t *element, size_t length, int64_t now_us)
         self.pending = self.fresh = true;
     }
     advance(now_us);
+}
+
+unsigned wifi_beacon_most(void)
+{
+    return self.most;
 }
 
 bool wifi_beacon_waits(void)

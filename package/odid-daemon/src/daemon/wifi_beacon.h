@@ -1,7 +1,9 @@
 /*
  * The pack in hostapd's beacons: SET vendor_elements, then UPDATE_BEACON (both
  * are needed), each reply checked. Notices a hostapd that is gone, hangs or
- * has its interface disabled, and resumes by itself.
+ * has its interface disabled, and resumes by itself. Where the chip refuses an
+ * element, a shorter one goes out instead of none; from time to time all is
+ * tried again.
  */
 #ifndef ODID_WIFI_BEACON_H
 #define ODID_WIFI_BEACON_H
@@ -18,6 +20,10 @@ void wifi_beacon_start(const struct config *config, struct radio *radio, int64_t
 
 /* The vendor element to be in every beacon from now on; the newest one wins. */
 void wifi_beacon_set(const uint8_t *element, size_t length, int64_t now_us);
+
+/* How many messages an element may have that the chip is known to take, or hasn't refused:
+ * 1..MESSAGES_PACK_MAX. */
+unsigned wifi_beacon_most(void);
 
 /* Whether what was set last still waits for hostapd: what is set now takes its place, and it was
  * never in a beacon. */

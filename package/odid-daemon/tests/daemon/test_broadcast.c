@@ -28,7 +28,10 @@ static struct {
     bool waits;        /* what was set last waits for the controller still */
     unsigned asked;    /* so often whether one fits */
     uint8_t counter;   /* of the last payload */
-} radio;
+    unsigned beacon_most;
+    unsigned beacons[MESSAGE_TYPES]; /* whose first message is of this type */
+    size_t beacon_size;              /* the longest */
+} radio = {.beacon_most = MESSAGES_PACK_MAX};
 
 /* ---- instead of the real ones ---- */
 
@@ -102,9 +105,14 @@ bool bluetooth_waits(enum channel channel)
 
 void wifi_beacon_set(const uint8_t *element, size_t length, int64_t now_us)
 {
-    (void)element;
-    (void)length;
     (void)now_us;
+    radio.beacons[element[MESSAGES_ELEMENT_EMPTY] >> 4]++;
+    radio.beacon_size = length > radio.beacon_size ? length : radio.beacon_size;
+}
+
+unsigned wifi_beacon_most(void)
+{
+    return radio.beacon_most;
 }
 
 bool wifi_beacon_waits(void)
@@ -194,6 +202,29 @@ static void in_place_of_the_one_that_waits(void **state)
     radio.waits = false;
 }
 
+/* What the chip takes of a pack; the smallest of all has each message in turn. */
+static void as_much_as_the_beacon_s_chip_takes(void **state)
+{
+    static struct config config = {.wifi_beacon_enabled = true};
+    static struct status_lateness lateness;
+
+    (void)state;
+    for (unsigned most = 5; most == 5 || most == 3 || most == 1; most -= 2) {
+        memset(radio.beacons, 0, sizeof(radio.beacons));
+        radio.beacon_size = 0;
+        radio.beacon_most = most;
+        timer_count = 0;
+        broadcast_start(&config, NULL, &lateness, START);
+        run(START, START + 2000 * MS);
+        assert_int_equal(radio.beacon_size, MESSAGES_ELEMENT_EMPTY + most * MESSAGE_SIZE);
+    }
+    assert_in_range(radio.beacons[MESSAGE_LOCATION], 7, 9);
+    assert_in_range(radio.beacons[MESSAGE_BASIC_ID], 1, 3);
+    assert_in_range(radio.beacons[MESSAGE_SYSTEM], 1, 3);
+    assert_in_range(radio.beacons[MESSAGE_OPERATOR_ID], 1, 3);
+    assert_in_range(radio.beacons[MESSAGE_SELF_ID], 1, 3);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -202,6 +233,7 @@ int main(void)
         cmocka_unit_test(in_the_next_slot_when_the_controller_answers_after_this_one),
         cmocka_unit_test(what_does_not_fit_is_not_asked_for_again),
         cmocka_unit_test(in_place_of_the_one_that_waits),
+        cmocka_unit_test(as_much_as_the_beacon_s_chip_takes),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

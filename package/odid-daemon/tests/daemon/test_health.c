@@ -601,6 +601,20 @@ static void what_has_no_room_in_a_small_pack_is_said(void **state)
     assert_int_equal(health.count, 0);
 }
 
+static void what_a_beacon_has_no_room_for_is_said(void **state)
+{
+    (void)state;
+    fixture.input.beacon_most = 4;
+    expect_one(HEALTH_WARNING, "Wi-Fi lacks Self-ID");
+    fixture.input.beacon_most = 1;
+    expect_one(HEALTH_WARNING, "Wi-Fi: one message at a time");
+    fixture.radios[CHANNEL_WIFI].state = RADIO_LOST;
+    judge();
+    for (unsigned i = 0; i < health.count; i++) {
+        assert_string_not_equal(health.problem[i].id, "beacon-single");
+    }
+}
+
 #define TEST(name) cmocka_unit_test_setup(name, reset)
 
 int main(void)
@@ -639,6 +653,7 @@ int main(void)
         TEST(what_the_autopilot_does_not_hear_is_told),
         TEST(what_has_no_room_in_any_pack_is_said),
         TEST(what_has_no_room_in_a_small_pack_is_said),
+        TEST(what_a_beacon_has_no_room_for_is_said),
         TEST(a_channel_that_was_on_the_air_is_missed_whatever_its_state_is_called),
     };
 

@@ -245,6 +245,169 @@ static void a_refused_update_is_told_and_tried_again(void **state)
     assert_true(loop_until(it_is_in_the_beacon, 500));
 }
 
+/* ---- a chip that refuses ---- */
+
+#define ELEMENT(messages) (MESSAGES_ELEMENT_EMPTY + (messages)*MESSAGE_SIZE)
+
+/* As the broadcast does each 125 ms: as many of five messages as may be, with a place of its own.
+ */
+static struct loop_timer slot;
+static unsigned slots;
+static int64_t silent_us, silence_us; /* since when nothing is in the beacon; the longest so far */
+
+static void on_slot(void *context, int64_t now_us)
+{
+    unsigned messages = wifi_beacon_most() < 5 ? wifi_beacon_most() : 5;
+    uint8_t element[ELEMENT(5)] = {0xDD};
+
+    (void)context;
+    element[7] = (uint8_t)++slots;
+    element[8] = (uint8_t)messages;
+    wifi_beacon_set(element, ELEMENT(messages), now_us);
+    loop_arm(&slot, now_us + 125000);
+}
+
+static size_t in_the_beacon(void)
+{
+    return strlen(fake.beacon) / 2;
+}
+
+static bool all_is_heard(void)
+{
+    return in_the_beacon() == ELEMENT(5) && radio.state == RADIO_ON_AIR;
+}
+
+static bool four_are_heard(void)
+{
+    return in_the_beacon() == ELEMENT(4) && radio.state == RADIO_ON_AIR;
+}
+
+static bool one_is_heard(void)
+{
+    return in_the_beacon() == ELEMENT(1) && radio.state == RADIO_ON_AIR;
+}
+
+static bool it_was_refused(void)
+{
+    return radio.failures > 0;
+}
+
+static bool never(void)
+{
+    int64_t now_us = loop_now_us();
+
+    if (in_the_beacon() > 0) {
+        silent_us = now_us;
+    }
+    silence_us = now_us - silent_us > silence_us ? now_us - silent_us : silence_us;
+    return radio.state == RADIO_LOST;
+}
+
+static void start_slots(void)
+{
+    start();
+    loop_timer_init(&slot, on_slot, NULL);
+    loop_arm(&slot, loop_now_us());
+    silent_us = loop_now_us();
+    silence_us = 0;
+}
+
+static void end_slots(void)
+{
+    loop_arm(&slot, LOOP_NEVER);
+}
+
+static void what_a_chip_refused_goes_out_shorter(void **state)
+{
+    (void)state;
+    fake.limit = ELEMENT(4);
+    start_slots();
+    assert_true(loop_until(four_are_heard, 600));
+    assert_int_equal(wifi_beacon_most(), 4);
+    assert_non_null(strstr(radio.detail, "shortened"));
+    end_slots();
+}
+
+static void one_that_takes_little_has_them_one_by_one(void **state)
+{
+    (void)state;
+    fake.limit = ELEMENT(2);
+    start_slots();
+    assert_true(loop_until(one_is_heard, 2000));
+    end_slots();
+}
+
+/* It was "OK" the second time, and wasn't there. */
+static void what_was_refused_once_goes_out_whole_again(void **state)
+{
+    (void)state;
+    start_slots();
+    assert_true(loop_until(all_is_heard, 600));
+    fake.refuses = 1;
+    assert_true(loop_until(it_was_refused, 300));
+    assert_true(loop_until(all_is_heard, 300));
+    assert_int_equal(wifi_beacon_most(), MESSAGES_PACK_MAX);
+    end_slots();
+}
+
+static void what_was_refused_twice_goes_out_whole_later(void **state)
+{
+    (void)state;
+    start_slots();
+    assert_true(loop_until(all_is_heard, 600));
+    fake.refuses = 2;
+    assert_true(loop_until(it_was_refused, 300));
+    assert_true(loop_until(four_are_heard, 600));
+    assert_true(loop_until(all_is_heard, 10300));
+    assert_int_equal(wifi_beacon_most(), MESSAGES_PACK_MAX);
+    end_slots();
+}
+
+static void trying_more_costs_hardly_a_beacon(void **state)
+{
+    unsigned failures;
+
+    (void)state;
+    fake.limit = ELEMENT(4);
+    start_slots();
+    assert_true(loop_until(four_are_heard, 600));
+    failures = radio.failures;
+    fake.updates = 0;
+    assert_false(loop_until(never, 60000));
+    assert_int_equal(radio.failures, failures);
+    assert_true(silence_us > 0 && silence_us < 300000);
+    assert_int_equal(wifi_beacon_most(), 4);
+    end_slots();
+}
+
+/* It says nothing about the chip. */
+static void an_interface_that_is_down_is_no_refusal(void **state)
+{
+    (void)state;
+    start_slots();
+    assert_true(loop_until(all_is_heard, 600));
+    fake.disabled = true;
+    assert_true(loop_until(it_was_refused, 1000));
+    assert_true(loop_until(it_is_down, 1000));
+    assert_int_equal(wifi_beacon_most(), MESSAGES_PACK_MAX);
+    end_slots();
+}
+
+static void another_hostapd_is_given_all(void **state)
+{
+    (void)state;
+    fake.limit = ELEMENT(4);
+    start_slots();
+    assert_true(loop_until(four_are_heard, 600));
+    fake_hostapd_die(&fake);
+    fake.limit = 0;
+    fake.confused = false;
+    assert_true(loop_until(it_is_absent, 3000));
+    fake_hostapd_run(&fake);
+    assert_true(loop_until(all_is_heard, 1500));
+    end_slots();
+}
+
 static void a_hostapd_that_forgot_is_told_again_after_a_while(void **state)
 {
     (void)state;
@@ -282,6 +445,13 @@ int main(void)
         TEST(one_that_is_given_again_does_not_wait),
         TEST(a_refused_element_is_told_and_tried_again),
         TEST(a_refused_update_is_told_and_tried_again),
+        TEST(what_a_chip_refused_goes_out_shorter),
+        TEST(one_that_takes_little_has_them_one_by_one),
+        TEST(what_was_refused_once_goes_out_whole_again),
+        TEST(what_was_refused_twice_goes_out_whole_later),
+        TEST(trying_more_costs_hardly_a_beacon),
+        TEST(an_interface_that_is_down_is_no_refusal),
+        TEST(another_hostapd_is_given_all),
         TEST(a_hostapd_that_forgot_is_told_again_after_a_while),
         TEST(the_end_takes_the_element_out_of_the_beacon),
     };
