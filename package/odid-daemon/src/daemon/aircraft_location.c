@@ -248,6 +248,14 @@ void aircraft_keep_location(struct aircraft *aircraft, int64_t now_us)
     aircraft->last.horizontal_accuracy = aircraft->last.vertical_accuracy = 0;
 }
 
+/* On a bench nothing is armed, nor has an autopilot had a place: in flight a lost one stays lost.
+ */
+static bool bench_counts(const struct aircraft *aircraft)
+{
+    return !isnan(aircraft->config->bench_latitude_deg) && !aircraft->armed &&
+           aircraft->last.fix_us == INT64_MIN;
+}
+
 static void view_position(const struct aircraft *aircraft, int64_t now_us,
                           struct aircraft_location *out)
 {
@@ -255,7 +263,7 @@ static void view_position(const struct aircraft *aircraft, int64_t now_us,
 
     if (fix != NULL) {
         view_fix(aircraft, fix, now_us, out);
-    } else if (!isnan(aircraft->config->bench_latitude_deg)) {
+    } else if (bench_counts(aircraft)) {
         out->position_source = SOURCE_CONFIGURATION;
         out->latitude_deg = aircraft->config->bench_latitude_deg;
         out->longitude_deg = aircraft->config->bench_longitude_deg;

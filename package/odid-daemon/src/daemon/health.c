@@ -261,16 +261,17 @@ static void judge_sources(struct health *health, const struct health_input *inpu
     }
 }
 
+/* On the air or not yet: it would be there as soon as the autopilot's is late. */
 static bool bench_position(const struct health_input *input)
 {
-    return input->view->location.position_source == SOURCE_CONFIGURATION;
+    return !isnan(input->config->bench_latitude_deg);
 }
 
 static void judge_position(struct health *health, const struct health_input *input, int64_t now_us)
 {
     const struct aircraft_location *location = &input->view->location;
 
-    if (bench_position(input) || location->position_fresh) {
+    if (location->position_source == SOURCE_CONFIGURATION || location->position_fresh) {
         return;
     }
     if (input->condition->apart) {
@@ -642,8 +643,8 @@ void health_judge(struct health *health, const struct health_input *input, int64
     }
     if (bench_position(input)) {
         FAULT("bench-position",
-              "An invented place is broadcast. Remove [bench] from odid.conf before flying.",
-              "bench position in use");
+              "An invented place is broadcast, or would be. Remove [bench] from odid.conf.",
+              "bench position configured");
     }
     if (input->condition->simulated) {
         FAULT("simulated-flight",

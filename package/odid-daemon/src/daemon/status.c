@@ -19,6 +19,7 @@
 #define BUCKET_US 50
 #define BUCKETS (sizeof(((struct status_lateness *)NULL)->histogram) / sizeof(uint32_t))
 #define BACKLOG 8
+#define SOCKET_ROOM (4 * STATUS_ANSWER_MAX) /* with what the kernel needs for each piece */
 /* An answer is made this often at most, and handed out as it is meanwhile. */
 #define MADE_EVERY_US 250000
 /* So many are taken in a slot. Whoever comes beyond that waits in the kernel: our time goes to the
@@ -99,11 +100,17 @@ static void make_answer(int64_t now_us)
 }
 
 /*
- * A connection gets everything in one piece: it fits into a fresh socket's
- * buffer, so nobody has to wait for a slow reader.
+ * A connection gets everything in one piece: it fits into its socket's buffer,
+ * so nobody has to wait for a slow reader. Not by the kernel's default: whoever
+ * has the right to change that cut each answer short.
  */
 static void send_answer(int fd, int64_t now_us)
 {
+    const int room = SOCKET_ROOM;
+
+    if (setsockopt(fd, SOL_SOCKET, SO_SNDBUFFORCE, &room, sizeof(room)) < 0) {
+        setsockopt(fd, SOL_SOCKET, SO_SNDBUF, &room, sizeof(room)); /* as far as that goes */
+    }
     if (self.length == 0 || now_us - self.made_us >= MADE_EVERY_US) {
         make_answer(now_us);
     }

@@ -299,6 +299,20 @@ static void the_bench_position_speaks_only_when_nothing_else_does(void **state)
     assert_int_equal(view.location.position_source, SOURCE_TELEMETRY);
 }
 
+/* It took the lost place's place, and status 4 with it. */
+static void a_bench_position_is_not_where_an_aircraft_was_lost(void **state)
+{
+    (void)state;
+    config.bench_latitude_deg = 57.5;
+    config.bench_longitude_deg = 11.5;
+    fly(5);
+    sim.fix_type = 1;
+    gps();
+    fly(4);
+    assert_int_equal(view.location.status, AIRCRAFT_REMOTE_ID_FAILURE);
+    assert_int_not_equal(view.location.position_source, SOURCE_CONFIGURATION);
+}
+
 /* ---- what makes no position ---- */
 
 static void a_position_without_a_fix_is_none(void **state)
@@ -538,6 +552,7 @@ int main(void)
         cmocka_unit_test_setup(when_both_stopped_the_newer_position_is_kept, begin_setup),
         cmocka_unit_test_setup(messages_out_of_order_do_not_move_it_back, begin_setup),
         cmocka_unit_test_setup(the_bench_position_speaks_only_when_nothing_else_does, begin_setup),
+        cmocka_unit_test_setup(a_bench_position_is_not_where_an_aircraft_was_lost, begin_setup),
         cmocka_unit_test_setup(a_position_without_a_fix_is_none, begin_setup),
         cmocka_unit_test_setup(a_position_that_loses_its_fix_goes_stale, begin_setup),
         cmocka_unit_test_setup(without_word_of_a_fix_there_is_no_position, begin_setup),

@@ -214,7 +214,17 @@ static void positions(void **state)
     fixture.condition.fix_known = false;
     expect_one(HEALTH_FAULT, "autopilot has no GNSS fix");
     fixture.view.location.position_source = SOURCE_CONFIGURATION;
-    expect_one(HEALTH_FAULT, "bench position in use");
+    fixture.config.bench_latitude_deg = 57.5;
+    expect_one(HEALTH_FAULT, "bench position configured");
+}
+
+/* It was good to arm while the autopilot had a place, and the invented one went out when that was
+ * lost. */
+static void a_bench_position_is_a_fault_before_it_is_on_the_air(void **state)
+{
+    (void)state;
+    fixture.config.bench_latitude_deg = 57.5;
+    expect_one(HEALTH_FAULT, "bench position configured");
 }
 
 static void fields_that_stay_unknown(void **state)
@@ -631,6 +641,7 @@ int main(void)
         TEST(what_is_not_believed),
         TEST(link_states),
         TEST(positions),
+        TEST(a_bench_position_is_a_fault_before_it_is_on_the_air),
         TEST(fields_that_stay_unknown),
         TEST(an_operator_altitude_that_stays_unknown),
         TEST(what_was_set_right),

@@ -1,10 +1,12 @@
 /* Requests and replies over a real datagram socket. */
 #include <fcntl.h>
+#include <linux/sockios.h>
 #include <poll.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <sys/ioctl.h>
 #include <sys/wait.h>
 
 #include <cmocka.h>
@@ -102,6 +104,44 @@ static void events_are_no_replies(void **state)
     run_ms(5);
     assert_string_equal(reply, "OK");
     assert_int_equal(replies, 1);
+}
+
+#define EVENTS 100
+
+static bool it_asked(void)
+{
+    return fake.requests > 0;
+}
+
+/* What hostapd has said, and nobody read yet. */
+static bool is_unread(void)
+{
+    int octets = 0;
+
+    assert_int_equal(ioctl(fake.watch.fd, SIOCOUTQ, &octets), 0);
+    return octets > 0;
+}
+
+static bool all_is_read(void)
+{
+    return !is_unread();
+}
+
+/* Read without a pause, they kept us from sleeping until the kernel ended us, keeper and all. */
+static void who_talks_without_end_is_listened_to_in_pauses(void **state)
+{
+    (void)state;
+    fake.hangs = true;
+    assert_int_equal(hostapd_control_request(&control, "STATUS", loop_now_us()), 0);
+    assert_true(loop_until(it_asked, 100));
+    for (int i = 0; i < EVENTS; i++) {
+        fake_reply(&fake, "<3>AP-STA-CONNECTED 02:00:00:00:00:01");
+    }
+    run_ms(EVENTS / 16 * 5 - 5);
+    assert_true(is_unread());
+    assert_true(loop_until(all_is_read, 10));
+    fake_reply(&fake, "state=ENABLED");
+    assert_true(loop_until(it_replied, 10));
 }
 
 static void a_hostapd_that_hangs_is_lost_after_a_second(void **state)
@@ -281,6 +321,7 @@ int main(void)
         TEST(a_request_has_its_reply),
         TEST(one_request_at_a_time),
         TEST(events_are_no_replies),
+        TEST(who_talks_without_end_is_listened_to_in_pauses),
         TEST(a_hostapd_that_hangs_is_lost_after_a_second),
         TEST(a_late_reply_is_not_taken_for_the_next_one),
         TEST(a_hostapd_that_is_gone_is_noticed_by_the_next_request),
