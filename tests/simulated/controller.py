@@ -21,6 +21,7 @@ SET_ADDRESS, SET_PARAMETERS, SET_DATA, ENABLE = 0x2005, 0x2006, 0x2008, 0x200A
 SET_EXTENDED_ADDRESS, SET_EXTENDED_PARAMETERS, SET_EXTENDED_DATA, ENABLE_EXTENDED = 0x2035, 0x2036, 0x2037, 0x2039
 SET_EXTENDED_PARAMETERS_V2 = 0x207F
 READ_MAXIMUM_DATA, MAXIMUM_DATA = 0x203A, 0x0672
+READ_DATA_LENGTH, WRITE_DATA_LENGTH, LEAST_DATA_LENGTH = 0x2023, 0x2024, struct.pack("<HH", 27, 328)
 LEGACY = (SET_ADDRESS, SET_PARAMETERS, SET_DATA, ENABLE)
 EXTENDED = (SET_EXTENDED_ADDRESS, SET_EXTENDED_PARAMETERS, SET_EXTENDED_DATA, ENABLE_EXTENDED, CLEAR_SETS,
             SET_EXTENDED_PARAMETERS_V2)
@@ -56,6 +57,7 @@ class Controller:
         self.world, self.air, self.mode, self.answers_us = world, air, mode, answers_us
         self.set_log = []
         self.hangs = False
+        self.until_reset = self.until_power = False  # it hangs, and sends nothing, until that comes
         self.refused = {}  # opcode -> status, once
         self.lost_events = 0  # so many of the next answers don't arrive
         self._busy_us = 0  # it does one command after the other
@@ -65,8 +67,23 @@ class Controller:
         air.radios.append(self._send)
 
     def reset(self):
+        """By a command, or by itself: it doesn't say so."""
         self.sets = [AdvertisingSet() for _ in range(SETS)]
         self.used = None  # which kind of commands: they don't mix
+        self.data_length = LEAST_DATA_LENGTH
+
+    def power_on(self):
+        self.reset()
+        self.until_reset = self.until_power = False
+
+    def hang_until(self, what):
+        """"reset" or "power"."""
+        self.reset()
+        setattr(self, f"until_{what}", True)
+
+    @property
+    def answers_nothing(self):
+        return self.hangs or self.until_reset or self.until_power
 
     # --- the line ------------------------------------------------------------------
 
@@ -75,7 +92,11 @@ class Controller:
 
     def _on_octets(self, octets):
         for packet in self._packets.feed(octets):
-            if packet[0] == COMMAND and not self.hangs:
+            if packet[0] != COMMAND:
+                continue
+            if packet[1] | packet[2] << 8 == RESET:
+                self.until_reset = False
+            if not self.answers_nothing:
                 self._busy_us = max(self._busy_us, self.world.now_us) + self.world.chance.randint(*self.answers_us)
                 self.world.at(self._busy_us, self.command, packet[1] | packet[2] << 8, packet[4:])
 
@@ -83,7 +104,7 @@ class Controller:
         """Also another program's: everybody sees the answer."""
         self._send(self.world.now_us)
         status, more = self._obey(opcode, parameters)
-        if self.hangs:
+        if self.answers_nothing:
             return
         if self.lost_events:
             self.lost_events -= 1
@@ -105,6 +126,11 @@ class Controller:
             return OK, b""
         if opcode == READ_FEATURES:
             return OK, FEATURES_FULL if self.mode == "full" else bytes(8)
+        if opcode == WRITE_DATA_LENGTH:
+            self.data_length = parameters
+            return OK, b""
+        if opcode == READ_DATA_LENGTH:
+            return OK, self.data_length
         if opcode == READ_MAXIMUM_DATA and self.mode == "full":
             return OK, MAXIMUM_DATA.to_bytes(2, "little")
         if opcode in LEGACY or (opcode in EXTENDED and self.mode == "full"):

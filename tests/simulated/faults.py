@@ -116,8 +116,12 @@ FAULTS = (
     Fault("foreign_reset", BLUETOOTH, 0.5, lambda flight: flight.controller.command(*FOREIGN_RESET)),
     Fault("controller_unplugged", BLUETOOTH, 1.5, lambda flight: flight.unplug_controller(),
           lambda flight: flight.plug_in_controller()),
-    Fault("controller_hangs", BLUETOOTH, 2.5, lambda flight: setattr(flight.controller, "hangs", True),
+    # Its driver may just be bound anew when it is over.
+    Fault("controller_hangs", BLUETOOTH, 3.5, lambda flight: setattr(flight.controller, "hangs", True),
           lambda flight: setattr(flight.controller, "hangs", False)),
+    Fault("controller_hangs_until_reset", BLUETOOTH, 2.5, lambda flight: flight.controller.hang_until("reset")),
+    Fault("controller_hangs_until_bound_anew", BLUETOOTH, 6.0, lambda flight: flight.controller.hang_until("power")),
+    Fault("controller_resets_silently", BLUETOOTH, 1.6, lambda flight: flight.controller.reset()),
     Fault("controller_loses_an_event", BLUETOOTH, 2.5, lambda flight: setattr(flight.controller, "lost_events", 1)),
     Fault("controller_refuses_data", BLUETOOTH, 0.9, refuse_data),
     Fault("controller_slow", BLUETOOTH, 0.9, *slow("controller", (20_000, 120_000)), meanwhile_s=2.0),

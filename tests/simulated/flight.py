@@ -27,6 +27,7 @@ BLUETOOTH, SERIAL, PORT = "/dev/bluetooth", "/dev/autopilot", 14550
 PORTS = itertools.count()
 SERVICES = ("odid-keeper", "odid-recorder", "odid-clock")
 FIRST_ASKED_US = 1_037_000
+BINDING_US, BIND_PAUSE_US, BIND_PAUSE_MAX_US = 500_000, 5_000_000, 60_000_000  # driver-watch's
 WARM_UP_S = 5.0  # until all is on the air, and a position has come
 
 
@@ -48,7 +49,8 @@ class Flight:
         self.kept, self.windows = kept, []  # windows: what was done to it
         self.daemon_words = ()  # beside its configuration, where a keeper starts it
         self._config = self._write_config()
-        self.technician = Technician(self.world, self.world.root / "run/odid/status.sock", START_US + FIRST_ASKED_US)
+        self.technician = Technician(self.world, self.world.root / "run/odid/status.sock", START_US + FIRST_ASKED_US, self._bind_anew)
+        self.plugged_in, self._binding, self._bind_from_us, self._bind_pause_us = True, False, 0, BIND_PAUSE_US
         self.costs_at_first = None  # the daemon's: process, descriptors, KiB
         self.at(2 * WARM_UP_S, self._look_at_costs)
         if kept:
@@ -89,11 +91,33 @@ class Flight:
             self._start(name, "-root", root)
 
     def unplug_controller(self):
-        self.controller.device.unplug()
+        if not self._binding:
+            self.controller.device.unplug()
+        self.plugged_in = self._binding = False
 
     def plug_in_controller(self):
-        self.controller.reset()
+        self.controller.power_on()
         self.controller.device.plug_in()
+        self.plugged_in = True
+
+    def _bind_anew(self, answer):
+        """The controller's driver, as the service driver-watch does where the daemon says that it is stuck."""
+        channels = [answer["channels"][name] for name in ("bt4", "bt5")]
+        if any(one["state"] == "on air" for one in channels):
+            self._bind_pause_us = BIND_PAUSE_US
+        elif not self.plugged_in:
+            self._bind_from_us = self.world.now_us + BIND_PAUSE_US
+        elif not self._binding and any(one["stuck"] for one in channels) and self.world.now_us >= self._bind_from_us:
+            self._bind_from_us = self.world.now_us + self._bind_pause_us
+            self._bind_pause_us = min(2 * self._bind_pause_us, BIND_PAUSE_MAX_US)
+            self.controller.device.unplug()
+            self._binding = True
+            self.world.after(BINDING_US, self._bind)
+
+    def _bind(self):
+        if self._binding:  # it is still there to be bound
+            self._binding = False
+            self.plug_in_controller()
 
     def kill_service(self, name, again_s=1.0):
         """And the supervisor starts it again."""

@@ -7,10 +7,10 @@ EVERY_US = 1_000_000
 
 
 class Technician:
-    """answers: the daemon's status (JSON), each time it was there to say."""
+    """answers: the daemon's status (JSON), each time it was there to say; and on_answer is told of it."""
 
-    def __init__(self, world, path, first_us):
-        self.world, self.path, self.answers = world, path, []
+    def __init__(self, world, path, first_us, on_answer):
+        self.world, self.path, self.answers, self.on_answer = world, path, [], on_answer
         world.at(first_us, self._ask)
 
     def _ask(self):
@@ -39,3 +39,4 @@ class Technician:
         self.world.close(sock)
         if octets:  # else it ended before it answered
             self.answers.append(json.loads(b"".join(octets)))
+            self.on_answer(self.answers[-1])

@@ -106,6 +106,30 @@ def test_it_is_on_the_air_again(make_flight, fault, seed):
     assert broken_laws(flight, FLIGHT_S) == []
 
 
+@pytest.mark.parametrize("mode", front.MODES)
+def test_a_chip_that_resets_itself_is_set_up_again(make_flight, mode):
+    """It says nothing of it; one without advertising sets takes data as before, and sends none."""
+    flight, times_s = make_flight(mode=mode), (AT_S, AT_S + 10.3, AT_S + 20.6, AT_S + 30.9)
+    for at_s in times_s:
+        flight.harm(BY_NAME["controller_resets_silently"], at_s)
+    flight.fly(FLIGHT_S)
+    assert broken_laws(flight, FLIGHT_S) == []
+    said = flight.technician.answers[-1]["channels"]["bt4"]
+    assert said["starts"] == 1 and said["repairs" if mode != "full" else "failures"] == len(times_s)
+
+
+def test_a_chip_that_only_its_driver_brings_back_is_given_up_and_that_is_said(make_flight):
+    flight = make_flight(mode="bcm43455", kept=True)
+    flight.harm(BY_NAME["controller_hangs_until_bound_anew"], AT_S)
+    flight.fly(FLIGHT_S)
+    assert broken_laws(flight, FLIGHT_S) == []
+    said = [answer["channels"]["bt4"] for answer in flight.technician.answers]
+    stuck = [one for one in said if one["stuck"]]
+    assert stuck and all("its driver is to be bound anew" in one["detail"] and one["state"] != "on air" for one in stuck)
+    assert not said[-1]["stuck"] and said[-1]["state"] == "on air"
+    assert any(gap["channel"] == "bt4" for gap in flight.record()["events"] if gap["event"] == "gap")
+
+
 def test_a_silent_autopilot_is_a_failure_that_is_said(make_flight):
     """From 3 s after its last heartbeat on, on every channel; and never before."""
     flight = make_flight()

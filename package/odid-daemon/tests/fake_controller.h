@@ -52,7 +52,9 @@ struct fake_controller {
     uint16_t maximum_data; /* octets of advertising data that it says it takes; 0: it doesn't know
                               the command */
     size_t takes;          /* that it does take */
+    bool knows_length;     /* of data on a connection: 4.2 and later */
     /* faults */
+    bool until_reset;          /* answers nothing until it is reset */
     bool mute, holds, no_room; /* no answer; no answer yet; answers, but takes no more */
     uint16_t refused;          /* a command that is refused once, ... */
     uint8_t refusal;           /* ... with this status */
@@ -61,6 +63,7 @@ struct fake_controller {
     /* what it was made to do; legacy commands use set 0 */
     bool legacy_used, extended_used;
     struct fake_set sets[2];
+    uint8_t data_length[4];
     /* what came */
     struct fake_command commands[2048];
     unsigned count, held;
@@ -98,6 +101,9 @@ static void fake_complete(struct fake_controller *fake, uint16_t opcode, uint8_t
     } else if (opcode == 0x203A && status == 0) {
         memcpy(event + 7, &fake->maximum_data, 2);
         length = 9;
+    } else if (opcode == 0x2023 && status == 0) {
+        memcpy(event + 7, fake->data_length, 4);
+        length = 11;
     } else if (opcode == 0x2036 || opcode == 0x207F) {
         length = 8;
     }
@@ -107,6 +113,9 @@ static void fake_complete(struct fake_controller *fake, uint16_t opcode, uint8_t
 
 static void fake_forget(struct fake_controller *fake)
 {
+    static const uint8_t least[] = {0x1B, 0, 0x48, 0x01}; /* 27 octets, 328 us */
+
+    memcpy(fake->data_length, least, sizeof(least));
     memset(fake->sets, 0, sizeof(fake->sets));
     fake->legacy_used = fake->extended_used = false;
 }
@@ -244,6 +253,11 @@ static uint8_t fake_obey(struct fake_controller *fake, uint16_t opcode, const ui
         return 0;
     case 0x2003:
         return 0;
+    case 0x2024:
+        memcpy(fake->data_length, p, sizeof(fake->data_length));
+        return fake->knows_length ? 0 : 0x01;
+    case 0x2023:
+        return fake->knows_length ? 0 : 0x01;
     case 0x2005:
     case 0x2006:
     case 0x2008:
@@ -277,7 +291,8 @@ static void fake_take_command(struct fake_controller *fake)
     command->length = fake->packet[3];
     memcpy(command->parameters, fake->packet + 4, command->length);
     fake->count++;
-    if (fake->mute) {
+    fake->until_reset = fake->until_reset && command->opcode != 0x0C03;
+    if (fake->mute || fake->until_reset) {
         return;
     }
     command->status = fake_obey(fake, command->opcode, command->parameters, command->length);
@@ -396,6 +411,7 @@ static void fake_start(struct fake_controller *fake, uint64_t features)
     fake->takes = 251;
     fake->interval_min = 0x20;
     fake->sets_max = 2;
+    fake->knows_length = true;
     while (fakes[place] != NULL && fakes[place] != fake) {
         place++;
     }

@@ -17,6 +17,55 @@ static struct {
     uint8_t address[6];
 } self;
 
+/* ---- what brings it back ---- */
+
+static void try_remedy(struct bluetooth_adapter *adapter, enum bluetooth_remedy remedy,
+                       int64_t now_us)
+{
+    adapter->remedy = remedy;
+    adapter->remedy_us = now_us;
+    adapter->mended_us = LOOP_NEVER;
+    adapter->reset_first = adapter->reset_first || remedy != REMEDY_NONE;
+    adapter->hci.down_first = remedy == REMEDY_DOWN_AND_UP;
+    for (int i = 0; i < BLUETOOTH_SETS; i++) {
+        if (adapter->sets[i].radio != NULL) {
+            adapter->sets[i].radio->given_up = remedy == REMEDY_DRIVER;
+        }
+    }
+}
+
+/* What has worked for long isn't the one that was in vain. */
+static void settle_remedy(struct bluetooth_adapter *adapter, int64_t now_us)
+{
+    if (now_us >= adapter->mended_us) {
+        try_remedy(adapter, REMEDY_NONE, now_us);
+    }
+}
+
+/* The one after that which was tried last, and was in vain. */
+static void try_next_remedy(struct bluetooth_adapter *adapter, int64_t now_us)
+{
+    if (adapter->remedy == REMEDY_NONE) {
+        try_remedy(adapter, REMEDY_RESET, now_us);
+    } else if (adapter->remedy == REMEDY_RESET && !adapter->hci.h4) {
+        try_remedy(adapter, REMEDY_DOWN_AND_UP, now_us);
+    } else if (adapter->remedy != REMEDY_DRIVER) {
+        try_remedy(adapter, REMEDY_DRIVER, now_us);
+    }
+}
+
+static const char *what_is_tried(const struct bluetooth_adapter *adapter)
+{
+    static const char *const words[] = {
+        [REMEDY_NONE] = "",
+        [REMEDY_RESET] = "; it is reset",
+        [REMEDY_DOWN_AND_UP] = "; it was reset, and is put down and up",
+        [REMEDY_DRIVER] = "; its driver is to be bound anew",
+    };
+
+    return words[adapter->remedy];
+}
+
 /* ---- opening and closing ---- */
 
 /* What an adapter's channels share. One that this controller can't do stays so. */
@@ -46,6 +95,7 @@ void bluetooth_failed(struct bluetooth_adapter *adapter, const char *detail, int
     bool hard;
     bool blocked = !adapter->hci.h4 && rfkill_blocked(RFKILL_BLUETOOTH, &hard);
 
+    settle_remedy(adapter, now_us);
     for (int i = 0; i < BLUETOOTH_SETS; i++) {
         if (adapter->sets[i].radio != NULL) {
             adapter->sets[i].radio->failures++;
@@ -59,9 +109,33 @@ void bluetooth_lost(void *context, int error, int64_t now_us)
     struct bluetooth_adapter *adapter = context;
     char detail[RADIO_DETAIL_SIZE];
 
-    snprintf(detail, sizeof(detail), "%s: %s", adapter->name,
-             error == -ETIMEDOUT ? "the controller doesn't answer" : strerror(-error));
+    settle_remedy(adapter, now_us);
+    if (error == -ETIMEDOUT) {
+        try_next_remedy(adapter, now_us);
+    }
+    snprintf(detail, sizeof(detail), "%s: %s%s", adapter->name,
+             error == -ETIMEDOUT ? "the controller doesn't answer" : strerror(-error),
+             what_is_tried(adapter));
     bluetooth_failed(adapter, detail, now_us);
+}
+
+/* It is there, and doesn't come up. */
+static void wait_for_power(struct bluetooth_adapter *adapter, int error, int64_t now_us)
+{
+    int64_t since_us = adapter->coming_us, patience_us;
+
+    if (since_us == LOOP_NEVER) {
+        adapter->coming_us = since_us = now_us;
+    }
+    if (adapter->remedy == REMEDY_DOWN_AND_UP) {
+        since_us = adapter->remedy_us;
+        patience_us = BLUETOOTH_DOWN_AND_UP_US;
+    } else {
+        patience_us = error == -EAGAIN ? BLUETOOTH_UP_US : BLUETOOTH_DRIVER_US;
+    }
+    if (adapter->remedy != REMEDY_DRIVER && now_us - since_us >= patience_us) {
+        try_remedy(adapter, REMEDY_DRIVER, now_us);
+    }
 }
 
 static void take_open_error(struct bluetooth_adapter *adapter, int error, int64_t now_us)
@@ -77,9 +151,16 @@ static void take_open_error(struct bluetooth_adapter *adapter, int error, int64_
         state = RADIO_DOWN;
         retry_reset(&adapter->retry); /* it may be up any moment, and looking costs little */
     }
-    snprintf(detail, sizeof(detail), "%s: %s%s", adapter->name,
-             error == -EAGAIN ? "down, asked to power up" : strerror(-error),
-             hard ? " (by a switch)" : "");
+    if (error == -EAGAIN || error == -EINPROGRESS) {
+        wait_for_power(adapter, error, now_us);
+    } else {
+        adapter->coming_us = LOOP_NEVER;
+    }
+    snprintf(detail, sizeof(detail), "%s: %s%s%s", adapter->name,
+             error == -EAGAIN        ? "down, asked to power up"
+             : error == -EINPROGRESS ? "its driver hasn't set it up"
+                                     : strerror(-error),
+             hard ? " (by a switch)" : "", what_is_tried(adapter));
     close_and_retry(adapter, state, detail, now_us);
 }
 
@@ -93,6 +174,8 @@ static void open_adapter(struct bluetooth_adapter *adapter, int64_t now_us)
     }
     adapter->step = STEP_RESET;
     adapter->awaited = 0;
+    adapter->coming_us = LOOP_NEVER;
+    adapter->marked = false;
     adapter->repair = STEP_ON_AIR;
     adapter->enabling_again = adapter->full = false;
     adapter->maximum_data = adapter->maximum_said = MESSAGES_EXTENDED_SIZE;
@@ -158,6 +241,8 @@ static struct bluetooth_adapter *add_adapter(const char *name)
         .hci.watch.fd = -1,
         .timer = adapter->timer, /* of a start before: the loop knows it */
         .again_wait_us = BLUETOOTH_AGAIN_US,
+        .mended_us = LOOP_NEVER,
+        .coming_us = LOOP_NEVER,
         .repair_from_us = INT64_MIN,
         .repair_logged_us = INT64_MIN / 2,
     };
@@ -259,7 +344,9 @@ enum bluetooth_fit bluetooth_legacy_fit(int64_t until_us, int64_t next_us, int64
         return BLUETOOTH_FITS_NOT;
     }
     /* While an answer is awaited, it isn't known when the one that was given began. */
-    return adapter->awaited != 0 ? BLUETOOTH_FITS_LATER : BLUETOOTH_FITS;
+    return adapter->awaited != 0 && adapter->awaited != BLUETOOTH_READ_DATA_LENGTH
+               ? BLUETOOTH_FITS_LATER
+               : BLUETOOTH_FITS;
 }
 
 void bluetooth_stop(void)

@@ -6,6 +6,8 @@
  * Capability is asked (LE Read Local Supported Features), never tried: an
  * extended command locks a capable controller's legacy ones until reset.
  * What is missing, or was refused, is asked for again, less and less often.
+ * One that doesn't answer is reset, then put down and up, then given up
+ * (radio_stuck): its driver is to be bound anew, which is root's to do.
  * A Command Complete for an advertising command that we did not send, or a
  * reset, is foreign, and undone at once: parameters, address, data and enable
  * are set again.

@@ -18,6 +18,19 @@
 
 /* A controller answers within milliseconds; one that doesn't in a second hangs. */
 #define BLUETOOTH_ANSWER_US 1000000
+/* The kernel keeps a reset back until it has given up the command before, after two seconds. */
+#define BLUETOOTH_RESET_ANSWER_US 2500000
+/* Down and up: the kernel waits two seconds for one that hangs, and a working one is up in one. */
+#define BLUETOOTH_DOWN_AND_UP_US 4000000
+/* Nobody has put it down, and the kernel gives the first command of its set-up ten seconds. */
+#define BLUETOOTH_UP_US 12000000
+/* With a patch file. */
+#define BLUETOOTH_DRIVER_US 30000000
+/* One that hangs again so soon after that wasn't mended by it: the next remedy is tried. */
+#define BLUETOOTH_MENDED_US 10000000
+/* How often a controller is asked whether it was reset; and after it was. */
+#define BLUETOOTH_MARK_EVERY_US 1000000
+#define BLUETOOTH_MARK_AGAIN_US 5000000
 /* What was refused, or isn't there, is tried again after this, and after twice as long each time:
  * the legacy set may be off the air for a moment meanwhile. */
 #define BLUETOOTH_AGAIN_US 10000000
@@ -31,6 +44,7 @@ enum bluetooth_step {
     STEP_FEATURES,
     STEP_MAXIMUM_DATA,
     STEP_DISABLE,
+    STEP_MARK,
     STEP_CLEAR,
     STEP_LEGACY_PARAMETERS,
     STEP_LEGACY_ADDRESS,
@@ -40,6 +54,14 @@ enum bluetooth_step {
     STEP_LONG_RANGE_DATA,
     STEP_ENABLE,
     STEP_ON_AIR,
+};
+
+/* What was tried last on a controller that doesn't answer. */
+enum bluetooth_remedy {
+    REMEDY_NONE,
+    REMEDY_RESET,
+    REMEDY_DOWN_AND_UP, /* of the kernel's interface */
+    REMEDY_DRIVER,      /* to be bound anew: which isn't ours to do */
 };
 
 /* One of the two things that an adapter can advertise. */
@@ -71,7 +93,13 @@ struct bluetooth_adapter {
     bool parameters_refused;    /* 20 ms or S=8, by one that should know them */
     int64_t again_us;           /* something is missing: tried again then; LOOP_NEVER: nothing is */
     int64_t again_wait_us;
-    bool reset_first;           /* the last set-up was refused */
+    bool reset_first; /* the last set-up was refused, or not answered */
+    enum bluetooth_remedy remedy;
+    int64_t remedy_us;          /* when that one was begun, ... */
+    int64_t mended_us;          /* ... and from when on it counts as the right one */
+    int64_t coming_us;          /* since when it is there and not up; LOOP_NEVER: it isn't so */
+    bool marked;                /* so that a reset shows, ... */
+    int64_t mark_us;            /* ... and is looked for then */
     bool long_range_refused;    /* one was by long range's part, which wasn't on the air since */
     enum bluetooth_step repair; /* from where to set up again; STEP_ON_AIR: nothing to repair */
     bool enabling_again;        /* a repair by that single command is under way */
@@ -93,7 +121,7 @@ void bluetooth_silence(struct bluetooth_adapter *adapter, int64_t now_us);
 void bluetooth_event(void *adapter, uint8_t code, const uint8_t *parameters, size_t length,
                      int64_t now_us);
 
-/* Closes after a failure, says so, and opens again later. */
+/* Closes after a failure, says so, and opens again later. A time-out brings the next remedy. */
 void bluetooth_failed(struct bluetooth_adapter *adapter, const char *detail, int64_t now_us);
 /* The same with an -errno; an hci_lost_fn. */
 void bluetooth_lost(void *adapter, int error, int64_t now_us);

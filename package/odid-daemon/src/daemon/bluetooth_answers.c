@@ -217,6 +217,9 @@ static void come_on_air(struct bluetooth_adapter *adapter, int64_t now_us)
 {
     retry_reset(&adapter->retry);
     adapter->reset_first = false;
+    if (adapter->remedy != REMEDY_NONE && adapter->mended_us == LOOP_NEVER) {
+        adapter->mended_us = now_us + BLUETOOTH_MENDED_US;
+    }
     if (adapter->sets[BLUETOOTH_LONG_RANGE].possible) {
         adapter->long_range_refused = false;
     }
@@ -246,9 +249,9 @@ static void take_step_answer(struct bluetooth_adapter *adapter, const struct ans
                              int64_t now_us)
 {
     if (answer->status != BLUETOOTH_SUCCESS) {
-        /* Nothing to disable, no sets to clear, no word of a bound: as good as done. */
-        if (adapter->step == STEP_DISABLE || adapter->step == STEP_CLEAR ||
-            adapter->step == STEP_MAXIMUM_DATA) {
+        /* Nothing to disable, no mark, no sets to clear, no word of a bound: as good as done. */
+        if (adapter->step == STEP_DISABLE || adapter->step == STEP_MARK ||
+            adapter->step == STEP_CLEAR || adapter->step == STEP_MAXIMUM_DATA) {
             adapter->step++;
         } else if (adapter->enabling_again) {
             adapter->enabling_again = false;
@@ -266,6 +269,8 @@ static void take_step_answer(struct bluetooth_adapter *adapter, const struct ans
         take_features(adapter, answer->rest, now_us);
     } else if (adapter->step == STEP_MAXIMUM_DATA) {
         take_maximum_data(adapter, answer);
+    } else if (adapter->step == STEP_MARK) {
+        adapter->marked = true;
     } else if (adapter->step == STEP_ENABLE) {
         come_on_air(adapter, now_us);
         adapter->enabling_again = false;
@@ -367,6 +372,24 @@ static void take_set_terminated(struct bluetooth_adapter *adapter, const uint8_t
     set_up_again(adapter, STEP_ENABLE, "a set has ended", &none, now_us);
 }
 
+/* A controller whose firmware has started again by itself says nothing of it, takes data as before,
+ * and sends nothing. */
+static void take_mark(struct bluetooth_adapter *adapter, const struct answer *answer,
+                      int64_t now_us)
+{
+    uint8_t mark[BLUETOOTH_MARK_SIZE];
+    size_t size = bluetooth_mark(mark);
+
+    if (answer->status != BLUETOOTH_SUCCESS || answer->length < size) {
+        adapter->marked = false; /* it can't be asked */
+    } else if (memcmp(answer->rest, mark, size) != 0) {
+        count_repair(adapter);
+        set_up_again(adapter, STEP_DISABLE, "it was reset, and said nothing", answer, now_us);
+        /* Whoever else writes there has it set up again now and then, and no more. */
+        adapter->mark_us = now_us + BLUETOOTH_MARK_AGAIN_US;
+    }
+}
+
 /* ---- events ---- */
 
 static void take_answer(struct bluetooth_adapter *adapter, const struct answer *answer,
@@ -376,6 +399,8 @@ static void take_answer(struct bluetooth_adapter *adapter, const struct answer *
         adapter->awaited = 0;
         if (adapter->step == STEP_ON_AIR && answer->opcode == BLUETOOTH_READ_FEATURES) {
             take_features_again(adapter, answer, now_us);
+        } else if (answer->opcode == BLUETOOTH_READ_DATA_LENGTH) {
+            take_mark(adapter, answer, now_us);
         } else if (adapter->step == STEP_ON_AIR) {
             take_data_answer(adapter, answer, now_us);
         } else {

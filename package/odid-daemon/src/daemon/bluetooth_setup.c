@@ -5,6 +5,12 @@
 
 /* ---- commands ---- */
 
+static int64_t patience_us(const struct bluetooth_adapter *adapter, uint16_t opcode)
+{
+    return opcode == BLUETOOTH_RESET && !adapter->hci.h4 ? BLUETOOTH_RESET_ANSWER_US
+                                                         : BLUETOOTH_ANSWER_US;
+}
+
 static void command(struct bluetooth_adapter *adapter, uint16_t opcode, const uint8_t *parameters,
                     size_t length, int64_t now_us)
 {
@@ -15,7 +21,7 @@ static void command(struct bluetooth_adapter *adapter, uint16_t opcode, const ui
         return;
     }
     adapter->awaited = opcode;
-    loop_arm(&adapter->timer, now_us + BLUETOOTH_ANSWER_US);
+    loop_arm(&adapter->timer, now_us + patience_us(adapter, opcode));
 }
 
 static void send_parameters(struct bluetooth_adapter *adapter, enum bluetooth_set set,
@@ -69,6 +75,13 @@ static void send_data(struct bluetooth_adapter *adapter, enum bluetooth_set whic
     }
 }
 
+static void send_mark(struct bluetooth_adapter *adapter, int64_t now_us)
+{
+    uint8_t out[BLUETOOTH_MARK_SIZE];
+
+    command(adapter, BLUETOOTH_WRITE_DATA_LENGTH, out, bluetooth_mark(out), now_us);
+}
+
 static void send_enable(struct bluetooth_adapter *adapter, bool on, int64_t now_us)
 {
     uint8_t out[HCI_PARAMETERS_MAX];
@@ -94,6 +107,10 @@ static bool needed(const struct bluetooth_adapter *adapter, enum bluetooth_step 
         /* The kernel resets what it brings up. But a controller that was used in the other one
          * of the two ways to advertise refuses ours until it is reset. */
         return adapter->hci.h4 || adapter->reset_first;
+    case STEP_MARK:
+        /* One with advertising sets needs none: for a set that a reset took away data is refused
+         * (7.8.54). Legacy's it takes, sent or not. */
+        return !adapter->extended;
     case STEP_CLEAR:
         return adapter->extended;
     case STEP_MAXIMUM_DATA:
@@ -133,6 +150,9 @@ static void send_step(struct bluetooth_adapter *adapter, int64_t now_us)
         break;
     case STEP_DISABLE:
         send_enable(adapter, false, now_us);
+        break;
+    case STEP_MARK:
+        send_mark(adapter, now_us);
         break;
     case STEP_CLEAR:
         command(adapter, BLUETOOTH_CLEAR_SETS, NULL, 0, now_us);
@@ -201,6 +221,17 @@ static void send_newest(struct bluetooth_adapter *adapter, int64_t now_us)
     }
 }
 
+/* Has the controller still its mark? Right behind a payload's answer the next one isn't due yet;
+ * and while one waits, that isn't asked. */
+static void look_for_mark(struct bluetooth_adapter *adapter, int64_t now_us)
+{
+    if (adapter->awaited == 0 && hci_is_open(&adapter->hci) && adapter->marked &&
+        now_us >= adapter->mark_us && !adapter->sets[BLUETOOTH_LEGACY].pending) {
+        adapter->mark_us = now_us + BLUETOOTH_MARK_EVERY_US;
+        command(adapter, BLUETOOTH_READ_DATA_LENGTH, NULL, 0, now_us);
+    }
+}
+
 /* Nothing of what is wanted can be done here. */
 static bool is_unable(const struct bluetooth_adapter *adapter)
 {
@@ -263,6 +294,7 @@ void bluetooth_advance(struct bluetooth_adapter *adapter, int64_t now_us)
     }
     if (adapter->step == STEP_ON_AIR) {
         send_newest(adapter, now_us);
+        look_for_mark(adapter, now_us);
     } else if (has_payload(adapter)) {
         send_step(adapter, now_us);
     }

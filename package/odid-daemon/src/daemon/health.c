@@ -88,8 +88,8 @@ static const char *channel_advice(enum channel channel, enum radio_state state)
                     : "The radio is switched off: rfkill unblock bluetooth, or the switch on the "
                       "device.";
     case RADIO_LOST:
-        return "It stopped answering and is being set up again. If this lasts a minute, switch "
-               "power off and on.";
+        return "It stopped answering and is being set up again. If this lasts two minutes, "
+               "switch power off and on.";
     case RADIO_UNSUPPORTED:
         return "Its controller refuses it by now: another program may hold it. If this lasts, "
                "switch power off and on.";

@@ -136,7 +136,7 @@ static void on_event(void *context, uint8_t code, const uint8_t *p, size_t lengt
 static bool says_silent(int error)
 {
     return error == -ENODEV || error == -ENOENT || error == -ERFKILL || error == -EAGAIN ||
-           error == -ENETDOWN || error == -EAFNOSUPPORT;
+           error == -EINPROGRESS || error == -ENETDOWN || error == -EAFNOSUPPORT;
 }
 
 static void start_adapter(struct adapter *adapter, const char *name, bool unreachable,

@@ -12,6 +12,9 @@
 #define REQUIRE_S8 0x04 /* primary and secondary PHY options */
 #define NO_TX_POWER_PREFERENCE 0x7F
 #define DATA_COMPLETE 0x03
+/* Within 27 to 251 octets, and 328 to 17040 us (7.8.34). */
+#define MARK_OCTETS 0x0051
+#define MARK_US 0x05D3
 #define DATA_NOT_FRAGMENTED 0x01
 
 bool bluetooth_changes_advertising(uint16_t opcode)
@@ -138,6 +141,12 @@ size_t bluetooth_extended_enable(const bool used[BLUETOOTH_SETS], uint8_t *out)
     }
     out[0] = out[1] > 0;
     return (size_t)(end - out);
+}
+
+/* 7.8.34 LE Write Suggested Default Data Length; 7.8.33 reads it, in the same form */
+size_t bluetooth_mark(uint8_t *out)
+{
+    return (size_t)(put16(put16(out, MARK_OCTETS), MARK_US) - out);
 }
 
 bool bluetooth_static_address(const char *boot_id, uint8_t address[6])

@@ -16,6 +16,8 @@ enum bluetooth_opcode {
     BLUETOOTH_SET_PARAMETERS = 0x2006,
     BLUETOOTH_SET_DATA = 0x2008,
     BLUETOOTH_SET_ENABLE = 0x200A,
+    BLUETOOTH_READ_DATA_LENGTH = 0x2023,
+    BLUETOOTH_WRITE_DATA_LENGTH = 0x2024,
     BLUETOOTH_SET_EXTENDED_ADDRESS = 0x2035,
     BLUETOOTH_SET_EXTENDED_PARAMETERS = 0x2036,
     BLUETOOTH_SET_EXTENDED_DATA = 0x2037,
@@ -60,6 +62,14 @@ size_t bluetooth_extended_data(enum bluetooth_set set, const uint8_t *data, size
                                uint8_t *out);
 /* used[set]: which of the sets are switched on. None used: switches all sets off. */
 size_t bluetooth_extended_enable(const bool used[BLUETOOTH_SETS], uint8_t *out);
+
+/*
+ * The mark of a controller that wasn't reset since: what a connection would begin
+ * with (LE Write Suggested Default Data Length), of which we have none. A reset
+ * puts back the controller's own, and nobody else would ask for this one.
+ */
+#define BLUETOOTH_MARK_SIZE 4
+size_t bluetooth_mark(uint8_t *out);
 
 /*
  * A random static address, little-endian: the same from power-on to power-off,

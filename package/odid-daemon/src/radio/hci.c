@@ -214,7 +214,7 @@ int hci_open(struct hci *hci, const char *adapter, hci_event_fn *on_event, hci_l
         if (!parse_kernel(adapter, &hci->dev_id)) {
             return -EINVAL;
         }
-        fd = hci_kernel_open(hci->dev_id);
+        fd = hci_kernel_open(hci->dev_id, &hci->down_first);
     }
     if (fd < 0) {
         return fd;

@@ -27,8 +27,9 @@ typedef void hci_lost_fn(void *context, int error, int64_t now_us);
 
 struct hci {
     struct loop_watch watch;
-    bool h4;    /* else kernel */
-    int dev_id; /* kernel: N of hciN */
+    bool h4;         /* else kernel */
+    int dev_id;      /* kernel: N of hciN */
+    bool down_first; /* kernel: hci_open has it put down, then up; cleared when it was seen down */
     hci_event_fn *on_event;
     hci_lost_fn *on_lost;
     void *context;
@@ -39,8 +40,9 @@ struct hci {
 
 /*
  * Opens "hciN" or "h4:...". Returns 0, or -errno: ENODEV, ENOENT not there
- * (yet); ERFKILL blocked; EAGAIN it was down and is asked to power up: try
- * again soon; EINVAL the name makes no sense.
+ * (yet); ERFKILL blocked; EAGAIN it was down and is asked to power up (or the
+ * other way about: down_first): try again soon; EINPROGRESS its driver hasn't set it
+ * up; EINVAL the name makes no sense.
  */
 int hci_open(struct hci *hci, const char *adapter, hci_event_fn *on_event, hci_lost_fn *on_lost,
              void *context);

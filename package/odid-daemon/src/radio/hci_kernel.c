@@ -53,7 +53,7 @@ static int refusal(const uint8_t *reply, size_t length)
     }
     switch (reply[8]) {
     case MGMT_INVALID_INDEX:
-        return -ENODEV;
+        return -EINPROGRESS; /* it is there: its driver is at it, or has failed */
     case MGMT_RFKILLED:
         return -ERFKILL;
     case MGMT_PERMISSION_DENIED:
@@ -66,15 +66,16 @@ static int refusal(const uint8_t *reply, size_t length)
 /*
  * HCIDEVUP sets the controller up inside the call: a second for firmware, ten
  * (HCI_INIT_TIMEOUT) for a dead chip, and the other radios would stand still
- * with it. The management interface only queues that work; what it refuses, it
- * says at once, and what comes of it is seen at the next try. Its price: the
+ * with it; HCIDEVDOWN waits likewise. The management interface only queues that
+ * work; what it refuses, it says at once, and what comes of it is seen at the
+ * next try. It is busy as long as the last one isn't done. Its price: the
  * kernel ends a power-up with advertising commands of its own, which count as
  * foreign ones if we were faster.
  */
-static int power_up(int dev_id)
+static int set_powered(int dev_id, bool on)
 {
     const uint8_t request[] = {
-        MGMT_SET_POWERED, 0, (uint8_t)dev_id, (uint8_t)(dev_id >> 8), 1, 0, 1};
+        MGMT_SET_POWERED, 0, (uint8_t)dev_id, (uint8_t)(dev_id >> 8), 1, 0, on};
     uint8_t reply[64];
     int fd = bound_socket(HCI_DEV_NONE, HCI_CHANNEL_CONTROL);
     int result = -EAGAIN;
@@ -125,7 +126,7 @@ static int set_filter(int fd)
     return setsockopt(fd, SOL_HCI, HCI_FILTER, &filter, sizeof(filter)) < 0 ? -errno : 0;
 }
 
-int hci_kernel_open(int dev_id)
+int hci_kernel_open(int dev_id, bool *down_first)
 {
     struct hci_dev_info info = {.dev_id = (uint16_t)dev_id};
     int fd = bound_socket(dev_id, HCI_CHANNEL_RAW);
@@ -137,7 +138,10 @@ int hci_kernel_open(int dev_id)
     if (ioctl(fd, HCIGETDEVINFO, &info) < 0) {
         result = -errno;
     } else if (!hci_test_bit(HCI_UP, &info.flags)) {
-        result = power_up(dev_id);
+        *down_first = false;
+        result = set_powered(dev_id, true);
+    } else if (*down_first) {
+        result = set_powered(dev_id, false);
     } else {
         result = set_filter(fd);
     }

@@ -94,6 +94,15 @@ enum radio_state radio_seen(const struct radio *radio, int64_t now_us)
                                                                              : radio->state;
 }
 
+bool radio_stuck(const struct radio *radio, int64_t now_us)
+{
+    enum radio_state state = radio_seen(radio, now_us);
+    int64_t last_us = radio->confirmed_us == INT64_MIN ? radio->since_us : radio->confirmed_us;
+
+    return (state == RADIO_ABSENT || state == RADIO_DOWN || state == RADIO_LOST) &&
+           (radio->given_up || (radio->was_on_air && now_us - last_us > RADIO_STUCK_US));
+}
+
 int64_t radio_seen_since_us(const struct radio *radio, int64_t now_us)
 {
     return radio_seen(radio, now_us) != radio->state && radio->confirmed_us > radio->since_us

@@ -26,6 +26,8 @@ enum radio_state {
 #define RADIO_PAUSE_US 1500000
 /* Then nothing of what is to be said goes out in time. */
 #define RADIO_STALE_US 2500000
+/* Within that hostapd was started again, if it hung. */
+#define RADIO_STUCK_US 10000000
 /* One message each 400 ms, and the fourth has its turn within the 3 s that it may take; all of them
  * in a pack, and each has Location's second. */
 #define RADIO_ONE_IN_TIME_US 400000
@@ -41,6 +43,7 @@ struct radio {
     uint64_t replaced;              /* on the air, not given to it: a newer one came first */
     unsigned starts;                /* times it came on air */
     bool was_on_air;                /* once since power-on, if by a daemon before this one */
+    bool given_up;                  /* all was tried that a daemon can */
     unsigned repairs;               /* foreign commands undone */
     unsigned failures;              /* errors and time-outs */
     char detail[RADIO_DETAIL_SIZE]; /* the last error, or how it transmits; plain words */
@@ -67,6 +70,9 @@ void radio_confirmed(struct radio *radio, int64_t now_us);
 /* The state as everybody is told it: one that is on the air and wasn't confirmed for long is lost,
  * however well it answers. */
 enum radio_state radio_seen(const struct radio *radio, int64_t now_us);
+/* Whether only its driver bound anew may bring it back: it was given up, or was on the air since
+ * power-on, and isn't for long though nothing else is known to keep it off. */
+bool radio_stuck(const struct radio *radio, int64_t now_us);
 /* When that one began. */
 int64_t radio_seen_since_us(const struct radio *radio, int64_t now_us);
 

@@ -102,6 +102,15 @@ static void commands_that_change_what_is_advertised(void **state)
     }
 }
 
+/* Within what 7.8.34 allows, and neither the least, the most, nor what a host would ask for. */
+static void the_mark_is_one_that_nobody_else_makes(void **state)
+{
+    (void)state;
+    assert_int_equal(bluetooth_mark(out), BLUETOOTH_MARK_SIZE);
+    assert_memory_equal(out, "\x51\x00\xd3\x05", BLUETOOTH_MARK_SIZE);
+    assert_false(bluetooth_changes_advertising(BLUETOOTH_WRITE_DATA_LENGTH));
+}
+
 static void the_address_comes_from_the_boot_id(void **state)
 {
     uint8_t made[6];
@@ -142,6 +151,7 @@ int main(void)
         cmocka_unit_test(the_longest_data_fit_into_a_command),
         cmocka_unit_test(enabling),
         cmocka_unit_test(commands_that_change_what_is_advertised),
+        cmocka_unit_test(the_mark_is_one_that_nobody_else_makes),
         cmocka_unit_test(the_address_comes_from_the_boot_id),
         cmocka_unit_test(what_is_no_boot_id_gives_no_address),
     };

@@ -54,6 +54,50 @@ static void a_pause_ends_what_was_unbroken(void **state)
     assert_int_equal(radio.unbroken_us, 51 + 2 * RADIO_PAUSE_US);
 }
 
+static void who_was_on_the_air_and_stays_away_is_stuck(void **state)
+{
+    static const enum radio_state away[] = {RADIO_ABSENT, RADIO_DOWN, RADIO_LOST};
+    static const enum radio_state told[] = {RADIO_DISABLED, RADIO_UNSUPPORTED, RADIO_BLOCKED,
+                                            RADIO_STARTING};
+    int64_t late_us = 100 + RADIO_STUCK_US;
+    struct radio radio;
+
+    (void)state;
+    radio_init(&radio, RADIO_STARTING, 5);
+    radio_enter(&radio, CHANNEL_WIFI, RADIO_LOST, "never was there", 10);
+    assert_false(radio_stuck(&radio, late_us));
+    radio.given_up = true;
+    assert_true(radio_stuck(&radio, 20));
+    radio.given_up = false;
+    radio_enter(&radio, CHANNEL_WIFI, RADIO_ON_AIR, NULL, 50);
+    radio_confirmed(&radio, 100);
+    for (int i = 0; i < 3; i++) { /* to and fro, for less time each */
+        radio_enter(&radio, CHANNEL_WIFI, away[i], NULL, 200 + i);
+        assert_false(radio_stuck(&radio, late_us));
+        assert_true(radio_stuck(&radio, late_us + 1));
+    }
+    radio.given_up = true;
+    for (int i = 0; i < 4; i++) {
+        radio_enter(&radio, CHANNEL_WIFI, told[i], NULL, 300 + i);
+        assert_false(radio_stuck(&radio, 2 * late_us));
+    }
+    radio_enter(&radio, CHANNEL_WIFI, RADIO_ON_AIR, NULL, 2 * late_us);
+    assert_false(radio_stuck(&radio, 2 * late_us));
+    assert_true(radio_stuck(&radio, 3 * late_us)); /* it answers, and nothing goes out */
+}
+
+/* Of a daemon before this one: this one's time counts. */
+static void who_was_on_the_air_before_has_its_time(void **state)
+{
+    struct radio radio;
+
+    (void)state;
+    radio_init(&radio, RADIO_ABSENT, 5);
+    radio.was_on_air = true;
+    assert_false(radio_stuck(&radio, 5 + RADIO_STUCK_US));
+    assert_true(radio_stuck(&radio, 6 + RADIO_STUCK_US));
+}
+
 static void a_long_detail_is_cut(void **state)
 {
     struct radio radio;
@@ -98,6 +142,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_time_of_a_state_is_that_of_its_beginning),
         cmocka_unit_test(a_pause_ends_what_was_unbroken),
+        cmocka_unit_test(who_was_on_the_air_and_stays_away_is_stuck),
+        cmocka_unit_test(who_was_on_the_air_before_has_its_time),
         cmocka_unit_test(a_long_detail_is_cut),
         cmocka_unit_test(retries_become_rarer_up_to_once_a_second),
         cmocka_unit_test(everything_has_a_name),
