@@ -22,6 +22,7 @@ get) shift && for name; do sed -n "s/^$name=//p" /settings; done ;;
 check) cat /checked ;;
 armed) cat /armed && ! grep -q ^disarmed /armed ;;
 status) cat /status.json ;;
+radios) cat /radios ;;
 in-force) [ ! -e /changed ] ;;
 esac
 """

@@ -27,7 +27,7 @@ BLUETOOTH, SERIAL, PORT = "/dev/bluetooth", "/dev/autopilot", 14550
 PORTS = itertools.count()
 SERVICES = ("odid-keeper", "odid-recorder", "odid-clock")
 FIRST_ASKED_US = 1_037_000
-BINDING_US, BIND_PAUSE_US, BIND_PAUSE_MAX_US = 500_000, 5_000_000, 60_000_000  # driver-watch's
+BINDING_US, BIND_PAUSE_US, BIND_PAUSE_MAX_US = 500_000, 10_000_000, 60_000_000  # driver-watch's
 WARM_UP_S = 5.0  # until all is on the air, and a position has come
 
 

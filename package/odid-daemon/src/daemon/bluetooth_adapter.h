@@ -21,7 +21,7 @@
 /* The kernel keeps a reset back until it has given up the command before, after two seconds. */
 #define BLUETOOTH_RESET_ANSWER_US 2500000
 /* Down and up: the kernel waits two seconds for one that hangs, and a working one is up in one. */
-#define BLUETOOTH_DOWN_AND_UP_US 4000000
+#define BLUETOOTH_DOWN_AND_UP_US 3500000
 /* Nobody has put it down, and the kernel gives the first command of its set-up ten seconds. */
 #define BLUETOOTH_UP_US 12000000
 /* With a patch file. */

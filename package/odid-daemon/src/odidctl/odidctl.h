@@ -20,6 +20,10 @@ int odidctl_doctor(const struct places *places);
  * "never" armed since power-on; the vehicle's MAVLink system id, 0 while there is none. */
 int odidctl_tell_armed(const struct places *places);
 
+/* For scripts: a line for each radio's interface that is configured, its name; "on-air", "stuck" or
+ * "off"; and for how many seconds it has been on the air. Prints nothing where nobody answers. */
+int odidctl_radios(const struct places *places);
+
 /* ---- maintenance ---- */
 
 int odidctl_maintenance(const struct places *places, const char *word);

@@ -25,6 +25,7 @@ static const char usage[] =
     "  odidctl flights [N] [--json]      was it on the air the whole flight? one line a power-on,\n"
     "                                    newest first; record N in detail\n"
     "  odidctl armed                     armed, disarmed or unknown; for scripts\n"
+    "  odidctl radios                    on-air, stuck or off, each; for scripts\n"
     "  odidctl check FILE                what is wrong in a configuration file\n"
     "  odidctl check DIR                 whether import would take over all that is there\n"
     "  odidctl get SECTION.KEY...        the values in force, such as wifi.channel's, one a line\n"
@@ -166,6 +167,12 @@ static int run_armed(char *const words[])
     return odidctl_tell_armed(&self.places);
 }
 
+static int run_radios(char *const words[])
+{
+    (void)words;
+    return odidctl_radios(&self.places);
+}
+
 static int run_update(char *const words[])
 {
     return odidctl_update(&self.places, words[1]);
@@ -207,6 +214,7 @@ static const struct command {
      "The volume CONFIG is the appliance's; here " PLACES_CONFIG
      " itself is edited, or by odidctl set."},
     {"armed", 1, 1, "armed takes no words", run_armed, false, NULL},
+    {"radios", 1, 1, "radios takes no words", run_radios, false, NULL},
     {"maintenance", 2, 2, "maintenance needs \"on\" or \"off\"", run_maintenance, false,
      "Maintenance is the appliance's; here odidctl set changes settings at any time."},
     {"factory-reset", 1, 1, "factory-reset takes no words", run_factory_reset, false,

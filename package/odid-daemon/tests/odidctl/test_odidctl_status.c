@@ -230,6 +230,43 @@ static void check_knows_the_appliance(void **state)
     assert_non_null(strstr(said, "odid.conf line 2: [wifi] channel = \"36\": expected "));
 }
 
+#define CHANNEL(state, stuck, since)                                                               \
+    "{\"state\": \"" state "\", \"stuck\": " stuck ", \"since_s\": " since "}"
+
+static void expect_radios(const char *bt4, const char *bt5, const char *wifi, const char *expected)
+{
+    char status[512];
+    pid_t daemon;
+
+    snprintf(status, sizeof(status), "{\"channels\": {\"bt4\": %s, \"bt5\": %s, \"wifi\": %s}}",
+             bt4, bt5, wifi);
+    daemon = answer_with(status);
+    assert_int_equal(CALL("radios"), 0);
+    assert_string_equal(said, expected);
+    end(daemon);
+}
+
+/* By the names that the configuration has, whatever the daemon says. */
+static void radios_for_scripts(void **state)
+{
+    static const char on[] = CHANNEL("on air", "false", "61.9");
+    static const char stuck[] = CHANNEL("lost", "true", "3.00");
+    static const char off[] = CHANNEL("starting", "false", "700");
+
+    (void)state;
+    expect_radios(on, off, stuck, "hci0 on-air 61\nwlan0 stuck 0\n");
+    expect_radios(on, stuck, off, "hci0 on-air 61\nwlan0 off 0\n"); /* it has both */
+    expect_radios(stuck, off, on, "hci0 stuck 0\nwlan0 on-air 61\n");
+    put("data/odid/odid.conf", "[broadcast]\nbt5_adapter = hci1\nwifi_iface = wlan1\n");
+    expect_radios(on, stuck, off, "hci0 on-air 61\nhci1 stuck 0\nwlan1 off 0\n");
+    expect_radios("7", "null", "{\"state\": 7, \"stuck\": \"no\", \"since_s\": []}",
+                  "hci0 off 0\nhci1 off 0\nwlan1 off 0\n");
+    expect_radios(CHANNEL("on air", "true", "1e300"), CHANNEL("on air", "true", "-7"), on,
+                  "hci0 on-air 1000000000\nhci1 on-air 0\nwlan1 on-air 61\n");
+    assert_int_equal(CALL("radios"), 3);
+    assert_string_equal(said, "");
+}
+
 #define TEST(function) cmocka_unit_test_setup(function, bench_clear)
 
 int main(void)
@@ -241,6 +278,7 @@ int main(void)
         TEST(updates),
         TEST(armed_is_what_the_daemon_keeps),
         TEST(what_it_says_itself_counts_beside_an_old_no),
+        TEST(radios_for_scripts),
         TEST(factory_reset),
         TEST(faults_without_a_daemon),
         TEST(a_daemon_elsewhere),
