@@ -395,7 +395,7 @@ static void a_stopped_daemon_is_killed_and_back(void **state)
 static void one_that_never_speaks_is_killed(void **state)
 {
     (void)state;
-    run_keeper("hangs once", "0.3", "5");
+    run_keeper("hangs once", "1.5", "30");
     assert_true(loop_until(twice, 3000));
     assert_true(loop_until(no_fault, 1500));
     run_ms(800);
@@ -420,7 +420,7 @@ static void one_that_ends_by_itself_is_started_once_a_second(void **state)
     int64_t start_us = loop_now_us();
 
     (void)state;
-    run_keeper("fails", "0.3", "5");
+    run_keeper("fails", "30", "60"); /* however long it takes to end */
     assert_true(loop_until(four_times, 3000));
     /* At once, then once a second. */
     assert_true(loop_now_us() - start_us >= 2000000);
