@@ -125,16 +125,6 @@ def test_a_bluetooth_chip_that_only_its_driver_brings_back(flying):
     flying.wait_for("the fault's end", lambda: "No such file" in fault(flying, "radio-hci0"))
 
 
-def test_a_wi_fi_chip_that_only_its_driver_brings_back(flying):
-    began = flying.must("dmesg").count("preinit_dcmds: Firmware")
-    assert flying.wifi.order("hang") == "done"
-    wait_state(flying, "wifi", "lost", "down", "absent")
-    flying.wait_on_air()
-    flying.wait_all_five()
-    assert "radio-wlan0: The radio wlan0 doesn't come back by itself: its driver is bound anew" in flying.must("logread; dmesg")
-    assert flying.must("dmesg").count("preinit_dcmds: Firmware") > began, "it began anew"
-
-
 def test_a_wi_fi_firmware_that_crashes(flying):
     began = flying.must("dmesg").count("BCM43455 (model)")
     assert flying.wifi.order("crash 2") == "done"
@@ -144,3 +134,13 @@ def test_a_wi_fi_firmware_that_crashes(flying):
     flying.wait_all_five()
     assert flying.air.receptions("wifi", since)
     assert flying.must("dmesg").count("BCM43455 (model)") > began, "it was off the bus"
+
+
+def test_a_wi_fi_chip_that_only_its_driver_brings_back(flying):
+    began = flying.must("dmesg").count("preinit_dcmds: Firmware")
+    assert flying.wifi.order("hang") == "done"
+    wait_state(flying, "wifi", "lost", "down", "absent")
+    flying.wait_on_air()
+    flying.wait_all_five()
+    assert "radio-wlan0: The radio wlan0 doesn't come back by itself: its driver is bound anew" in flying.must("logread; dmesg")
+    assert flying.must("dmesg").count("preinit_dcmds: Firmware") > began, "it began anew"
