@@ -18,7 +18,7 @@ class Technician:
         for name, content in files.items():
             self.machine.put(f"/tmp/files/{name}", content if isinstance(content, bytes) else content.encode(), "644")
         self.mounted(f"rm -rf * ._*; cp /tmp/files/* /tmp/files/.[_]* . 2>/dev/null; {last}; true")
-        self.machine.must("/etc/init.d/S40config start; true")
+        self.machine.must("/etc/init.d/S40config start; /etc/init.d/S42in-force start")
 
     def report(self):
         return self.mounted(f"cat {REPORT} 2>/dev/null; true")

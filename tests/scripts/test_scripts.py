@@ -906,6 +906,24 @@ def test_maintenance_opens_and_closes_without_a_restart(appliance):
     assert not any("hostapd" in call for call in appliance.calls() if call.startswith("sv "))
 
 
+def test_what_is_saved_counts_for_what_starts_anew_once_it_is_applied_and_not_before(appliance):
+    """An aircraft that was armed had another number, or no telemetry, after a service's restart in flight."""
+    appliance.write("usr/bin/odid-keeper", NOTES)
+    appliance.must("chmod 755 /usr/bin/odid-keeper")
+    appliance.write("lib/odid/board-settings", "#!/bin/sh\n")
+    appliance.write("data/odid/odid.conf", "of the boot\n")
+    appliance.must("/etc/init.d/S42in-force")
+    appliance.write("data/odid/odid.conf", "saved since\n")
+    appliance.write("armed", "armed once 1\n")
+    appliance.run("/lib/odid/apply-configuration")
+    assert appliance.read("run/odid-appliance/odid.conf") == "of the boot\n"
+    appliance.must("/etc/sv/odid-daemon/run")
+    assert appliance.calls()[-1] == "odid-keeper -- odid-daemon -appliance -config /run/odid-appliance/odid.conf"
+    appliance.write("armed", "disarmed once 1\n")
+    appliance.run("/lib/odid/apply-configuration")
+    assert appliance.read("run/odid-appliance/odid.conf") == "saved since\n"
+
+
 LOCK = """#!/bin/sh
 [ "$(readlink /proc/$PPID/fd/$1)" = /run/lock/access-point ] || exit 1
 echo locked >>/calls

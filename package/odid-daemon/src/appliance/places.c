@@ -2,6 +2,7 @@
 
 #include <stdio.h>
 #include <stdlib.h>
+#include <unistd.h>
 
 static void fill(const char **place, const char *root, const char *path)
 {
@@ -25,6 +26,7 @@ void places_under(struct places *places, const char *root)
     fill(&places->swupdate, root, PLACES_SWUPDATE);
     fill(&places->data, root, PLACES_DATA);
     fill(&places->config, root, PLACES_CONFIG);
+    fill(&places->in_force, root, PLACES_STATE "/odid.conf");
     fill(&places->flights, root, PLACES_DATA "/odid/flights");
     fill(&places->clock, root, PLACES_DATA "/clock");
     fill(&places->release, root, "/etc/odid-release");
@@ -32,4 +34,11 @@ void places_under(struct places *places, const char *root)
     fill(&places->boot_id, root, "/proc/sys/kernel/random/boot_id");
     fill(&places->apply, root, "/lib/odid/apply-configuration");
     fill(&places->page, root, "/usr/share/odid-web");
+}
+
+const char *places_config_in_force(const struct places *places)
+{
+    bool copied = !places->other_config && access(places->in_force, F_OK) == 0;
+
+    return copied ? places->in_force : places->config;
 }

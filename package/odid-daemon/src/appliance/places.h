@@ -32,7 +32,8 @@ struct places {
     const char *state;    /* the appliance's state */
     const char *swupdate; /* SWUpdate's sockets */
     const char *data;     /* what outlasts power-off */
-    const char *config;   /* the configuration */
+    const char *config;   /* the configuration, as it is saved */
+    const char *in_force; /* its copy of when it was made to count last */
     bool other_config;    /* it was named, and isn't the appliance's */
     const char *flights;  /* the flight records */
     const char *clock;    /* the last saved time */
@@ -45,5 +46,8 @@ struct places {
 
 /* Fills in all that isn't named yet, below that folder; "": as on the appliance. For good. */
 void places_under(struct places *places, const char *root);
+
+/* The configuration that counts until power-off: what is saved in flight waits for the next one. */
+const char *places_config_in_force(const struct places *places);
 
 #endif

@@ -165,7 +165,8 @@ int settings_get(const struct places *places, char *const names[])
             return ODIDCTL_USAGE;
         }
     }
-    text = read_text(places->config, &length); /* unreadable: the defaults are in force */
+    /* Unreadable: the defaults are in force. */
+    text = read_text(places_config_in_force(places), &length);
     read_config(&config, text, length, &ignored);
     free_text(text, length);
     for (size_t i = 0; names[i] != NULL; i++) {

@@ -70,7 +70,7 @@ int odidctl_radios(const struct places *places)
         return ODIDCTL_NO_ANSWER;
     }
     config_defaults(&config);
-    config_read_file(&config, places->config, say_nothing, NULL);
+    config_read_file(&config, places_config_in_force(places), say_nothing, NULL);
     two = config.bt5_adapter[0] != '\0' && strcmp(config.bt5_adapter, config.bt_adapter) != 0;
     radios[0].name = config.bt_adapter;
     radios[1].name = two ? config.bt5_adapter : "";

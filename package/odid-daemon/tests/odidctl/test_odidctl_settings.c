@@ -44,6 +44,18 @@ static void values_in_force(void **state)
     assert_string_equal(said, "FI\n");
 }
 
+/* It was in effect with the next service that started anew, in mid-flight. */
+static void what_was_saved_in_flight_is_not_in_force(void **state)
+{
+    (void)state;
+    put("run/odid-appliance/odid.conf", "[wifi]\ncountry = NO\n");
+    put(CONF, "[wifi]\ncountry = FI\n");
+    expect_in_force("wifi.country", "NO");
+    put("other.conf", "[wifi]\ncountry = DE\n");
+    assert_int_equal(CALL("get", "wifi.country", "-config", "other.conf"), 0);
+    assert_string_equal(said, "DE\n");
+}
+
 static void several_values_in_their_order(void **state)
 {
     (void)state;
@@ -365,6 +377,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         TEST(values_in_force),
+        TEST(what_was_saved_in_flight_is_not_in_force),
         TEST(several_values_in_their_order),
         TEST(unknown_keys),
         TEST(secrets_are_not_printed),
