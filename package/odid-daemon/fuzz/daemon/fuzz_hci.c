@@ -62,8 +62,11 @@ static size_t length_of(uint16_t opcode)
     case BLUETOOTH_RESET:
     case BLUETOOTH_READ_FEATURES:
     case BLUETOOTH_READ_MAXIMUM_DATA:
+    case BLUETOOTH_READ_DATA_LENGTH:
     case BLUETOOTH_CLEAR_SETS:
         return 0;
+    case BLUETOOTH_WRITE_DATA_LENGTH:
+        return 4;
     case BLUETOOTH_SET_ADDRESS:
         return 6;
     case BLUETOOTH_SET_PARAMETERS:
