@@ -10,7 +10,7 @@ import pytest
 
 from . import air, bluetooth_chip, usb_serial, usbredir, wifi_chip
 from .bluetooth_chip import DEFAULT_ADDRESS
-from .controller import Rootcanal, free_ports
+from .controller import free_ports
 from .front import Packets
 
 # --- Bluetooth -----------------------------------------------------------------------
@@ -50,13 +50,6 @@ class Uart:
 
     def close(self):
         self._socket.close()
-
-
-@pytest.fixture
-def rootcanal(short_folder):
-    model = Rootcanal(short_folder / "rootcanal.log")
-    yield model
-    model.stop()
 
 
 @pytest.fixture

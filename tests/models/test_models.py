@@ -89,13 +89,6 @@ def test_a_port_that_somebody_took_meanwhile_is_not_waited_for(short_folder, mon
 
 
 @pytest.fixture
-def rootcanal(short_folder):
-    model = Rootcanal(short_folder / "rootcanal.log")
-    yield model
-    model.stop()
-
-
-@pytest.fixture
 def front(short_folder, rootcanal):
     """Starts a front in a mode; gives the part, a host on its pty and the log of set payloads."""
     started = []

@@ -51,22 +51,40 @@ static void need_root(void)
     }
 }
 
-/* Runs what in a sandboxed child; returns its wait status. */
-static int sandboxed(void (*what)(void), bool log_only)
+/* Runs what in a child; returns its wait status. */
+static int in_child(void (*what)(void))
 {
     int status;
     pid_t child = fork();
 
     assert_true(child >= 0);
     if (child == 0) {
-        if (sandbox_enter(USER, log_only) < 0) {
-            leave(99);
-        }
         what();
         leave(0);
     }
     assert_int_equal(waitpid(child, &status, 0), child);
     return status;
+}
+
+static struct {
+    void (*what)(void);
+    bool log_only;
+} sandbox;
+
+static void enter_and_do_it(void)
+{
+    if (sandbox_enter(USER, sandbox.log_only) < 0) {
+        leave(99);
+    }
+    sandbox.what();
+}
+
+/* The same in a sandboxed child. */
+static int sandboxed(void (*what)(void), bool log_only)
+{
+    sandbox.what = what;
+    sandbox.log_only = log_only;
+    return in_child(enter_and_do_it);
 }
 
 static void assert_killed_by_filter(int status)
@@ -451,66 +469,54 @@ static void is_nobody(void)
     MUST(geteuid() == getpwnam("nobody")->pw_uid);
 }
 
+static void enter_as_a_user_that_there_is_not(void)
+{
+    MUST(sandbox_enter("no-such-user-here", true) == 0);
+    is_nobody();
+}
+
+static void enter_as_root_without_being_it(void)
+{
+    be_started_as_user(1ULL << CAP_NET_RAW);
+    MUST(sandbox_enter("root", true) == 0);
+    is_nobody();
+}
+
+/* By a service manager's filter, or a kernel without. */
+static void enter_where_no_filter_is_to_be_had(void)
+{
+    scmp_filter_ctx filter = seccomp_init(SCMP_ACT_ALLOW);
+
+    MUST(seccomp_rule_add(filter, SCMP_ACT_ERRNO(EPERM), SCMP_SYS(seccomp), 0) == 0);
+    MUST(seccomp_rule_add(filter, SCMP_ACT_ERRNO(EPERM), SCMP_SYS(prctl), 1,
+                          SCMP_A0(SCMP_CMP_EQ, PR_SET_SECCOMP)) == 0);
+    MUST(seccomp_load(filter) == 0);
+    MUST(sandbox_enter(USER, false) == SANDBOX_NO_FILTER);
+    make_a_directory();
+}
+
 /* No value of the key `user` keeps it silent. */
 static void a_user_that_there_is_not_is_replaced(void **state)
 {
-    int status;
-    pid_t child;
-
     (void)state;
     need_root();
-    child = fork();
-    assert_true(child >= 0);
-    if (child == 0) {
-        MUST(sandbox_enter("no-such-user-here", true) == 0);
-        is_nobody();
-        leave(0);
-    }
-    assert_int_equal(waitpid(child, &status, 0), child);
-    assert_ended_well(status);
+    assert_ended_well(in_child(enter_as_a_user_that_there_is_not));
 }
 
 static void who_is_not_root_stays_who_it_is(void **state)
 {
-    int status;
-    pid_t child;
-
     (void)state;
     need_root();
-    child = fork();
-    assert_true(child >= 0);
-    if (child == 0) {
-        be_started_as_user(1ULL << CAP_NET_RAW);
-        MUST(sandbox_enter("root", true) == 0);
-        is_nobody();
-        leave(0);
-    }
-    assert_int_equal(waitpid(child, &status, 0), child);
-    assert_ended_well(status);
+    assert_ended_well(in_child(enter_as_root_without_being_it));
 }
 
-/* By a service manager's filter, or a kernel without. */
 static void without_a_filter_it_goes_on(void **state)
 {
     int status;
-    pid_t child;
 
     (void)state;
     need_root();
-    child = fork();
-    assert_true(child >= 0);
-    if (child == 0) {
-        scmp_filter_ctx filter = seccomp_init(SCMP_ACT_ALLOW);
-
-        MUST(seccomp_rule_add(filter, SCMP_ACT_ERRNO(EPERM), SCMP_SYS(seccomp), 0) == 0);
-        MUST(seccomp_rule_add(filter, SCMP_ACT_ERRNO(EPERM), SCMP_SYS(prctl), 1,
-                              SCMP_A0(SCMP_CMP_EQ, PR_SET_SECCOMP)) == 0);
-        MUST(seccomp_load(filter) == 0);
-        MUST(sandbox_enter(USER, false) == SANDBOX_NO_FILTER);
-        make_a_directory();
-        leave(0);
-    }
-    assert_int_equal(waitpid(child, &status, 0), child);
+    status = in_child(enter_where_no_filter_is_to_be_had);
     rmdir("/tmp/odid-forbidden");
     assert_ended_well(status);
 }
