@@ -268,7 +268,7 @@ level-check:
 	$(LEVEL) check $(RUN) tests/run/check.py --junit build/test/check.xml
 
 level-unit: unit
-	$(LEVEL) unit env UBSAN_OPTIONS=print_stacktrace=1 ctest --test-dir build/unit -j 4 \
+	$(LEVEL) unit env UBSAN_OPTIONS=print_stacktrace=1 ctest --test-dir build/unit -j $(if $(ODID_TIMED),1,4) \
 		--no-tests=error --output-on-failure \
 		--test-output-size-passed 1000000 --test-output-size-failed 1000000 \
 		--output-junit $(CURDIR)/build/test/unit.xml

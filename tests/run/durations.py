@@ -83,6 +83,7 @@ PERMITTED_SLEEPS_IN_C = {
     "test_clock_set_program.c::without_a_daemon_it_waits": "it must not end",
     "test_keeper_process.c::beat": "a model: so often a daemon shows that it lives",
     "test_keeper_process.c::the_port_stays_taken_between_two_daemons": "it must not be free; then a wait",
+    "test_update_gate.c::is_done": "a wait",
     "test_recorder_snapshot.c::answer_slowly": "a model: a slow daemon",
 }
 CLOCKS = {"monotonic", "time", "perf_counter"}

@@ -1,10 +1,12 @@
-/* The service update's socket: who asks, from another thread, and what is answered. */
+/* The service update's socket: what is said to it, and what it answers when. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
 
 #include <cmocka.h>
+
+#include "simulated_time.h"
 
 #include <errno.h>
 #include <pthread.h>
@@ -23,13 +25,8 @@ static char folder[] = "/tmp/odid-gate-XXXXXX";
 static bool known;
 static const char *verdict;
 
-static struct {
-    pthread_t thread;
-    const char *word;
-    char answer[UPDATE_SENTENCE_SIZE];
-    int result;
-    atomic_bool done;
-} asker;
+static int asker = -1;
+static char sentence[UPDATE_SENTENCE_SIZE];
 
 static bool is_known(void)
 {
@@ -72,47 +69,71 @@ static int begin(void **state)
     return 0;
 }
 
-static void *ask(void *context)
-{
-    (void)context;
-    asker.result = update_gate_ask(folder, asker.word, asker.answer);
-    asker.done = true;
-    return NULL;
-}
-
 static bool is_answered(void)
 {
-    return asker.done;
+    return recv(asker, sentence, sizeof(sentence), MSG_DONTWAIT) > 0;
 }
 
 static void begin_asking(const char *word)
 {
-    asker.word = word;
-    asker.done = false;
-    strcpy(asker.answer, "nothing");
-    assert_int_equal(pthread_create(&asker.thread, NULL, ask, NULL), 0);
+    asker = update_gate_say(folder, word);
+    assert_true(asker >= 0);
 }
 
 /* The sentence. */
 static const char *answer_within(int ms)
 {
     assert_true(loop_until(is_answered, ms));
-    pthread_join(asker.thread, NULL);
-    assert_int_equal(asker.result, 0);
-    return asker.answer;
+    close(asker);
+    return sentence;
 }
 
 static void one_word_one_sentence(void **state)
 {
     (void)state;
     begin_asking("gate");
-    assert_string_equal(answer_within(1000), "");
+    assert_string_equal(answer_within(10), "");
     verdict = "Because.";
     begin_asking("gate");
-    assert_string_equal(answer_within(1000), "Because.");
+    assert_string_equal(answer_within(10), "Because.");
     begin_asking("cancel");
-    assert_string_equal(answer_within(1000), "called off: Because.");
+    assert_string_equal(answer_within(10), "called off: Because.");
 }
+
+/* ---- who waits for the answer, in a thread of its own ---- */
+
+static atomic_bool done;
+
+static void *ask(void *context)
+{
+    int *result = context;
+
+    *result = update_gate_ask(folder, "gate", sentence);
+    done = true;
+    return NULL;
+}
+
+static bool is_done(void)
+{
+    usleep(1000); /* the thread's time isn't simulated */
+    return done;
+}
+
+static void who_asks_has_the_sentence(void **state)
+{
+    pthread_t thread;
+    int result = -1;
+
+    (void)state;
+    verdict = "Because.";
+    assert_int_equal(pthread_create(&thread, NULL, ask, &result), 0);
+    assert_true(loop_until(is_done, PATIENCE_MS));
+    assert_int_equal(pthread_join(thread, NULL), 0);
+    assert_int_equal(result, 0);
+    assert_string_equal(sentence, "Because.");
+}
+
+/* ---- when it isn't known yet ---- */
 
 /* SWUpdate's word that it has begun comes by another way. */
 static void the_answer_waits_until_it_is_known_what_is_asked(void **state)
@@ -121,9 +142,9 @@ static void the_answer_waits_until_it_is_known_what_is_asked(void **state)
     known = false;
     begin_asking("gate");
     run_ms(400);
-    assert_false(asker.done);
+    assert_false(is_answered());
     known = true;
-    assert_string_equal(answer_within(400), "");
+    assert_string_equal(answer_within(100), "");
 }
 
 static void and_no_longer_than_five_seconds(void **state)
@@ -131,9 +152,9 @@ static void and_no_longer_than_five_seconds(void **state)
     (void)state;
     known = false;
     begin_asking("gate");
-    run_ms(2000);
-    assert_false(asker.done);
-    assert_non_null(strstr(answer_within(4000), "didn't say that it has begun"));
+    run_ms(4900);
+    assert_false(is_answered());
+    assert_non_null(strstr(answer_within(200), "didn't say that it has begun"));
 }
 
 static void whoever_says_nothing_or_nonsense_takes_no_place(void **state)
@@ -148,7 +169,7 @@ static void whoever_says_nothing_or_nonsense_takes_no_place(void **state)
         run_ms(10);
     }
     begin_asking("gate");
-    assert_string_equal(answer_within(1000), "");
+    assert_string_equal(answer_within(10), "");
     for (unsigned i = 0; i < 20; i++) {
         close(fds[i]);
     }
@@ -167,16 +188,15 @@ static void it_is_roots(void **state)
 
 static void nobody_there_is_an_error(void **state)
 {
-    char answer[UPDATE_SENTENCE_SIZE];
-
     (void)state;
-    assert_int_equal(update_gate_ask("/tmp", "gate", answer), -ENOENT);
+    assert_int_equal(update_gate_ask("/tmp", "gate", sentence), -ENOENT);
 }
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup(one_word_one_sentence, begin),
+        cmocka_unit_test_setup(who_asks_has_the_sentence, begin),
         cmocka_unit_test_setup(the_answer_waits_until_it_is_known_what_is_asked, begin),
         cmocka_unit_test_setup(and_no_longer_than_five_seconds, begin),
         cmocka_unit_test_setup(whoever_says_nothing_or_nonsense_takes_no_place, begin),
