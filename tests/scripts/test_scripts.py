@@ -400,6 +400,16 @@ def test_devices_that_do_not_answer_cost_a_second_together(two_autopilots):
     assert "asked" not in happened[[at for at, what in enumerate(happened) if what == "over"][2]:], "one was waited for before another was asked"
 
 
+def test_devices_that_answer_cost_no_second(two_autopilots):
+    """BusyBox's timeout leaves a process behind that looks each second whether it is needed. An autopilot that was plugged in was
+    heard three seconds later, where it had been one."""
+    two_autopilots.write("asking", '{ sleep 20; echo >>/over; } &\nexec "$@"\n')
+    two_autopilots.change("lib/odid/autopilot-port", ("timeout -s KILL 1 ", "sh /asking "))
+    said = two_autopilots.must("/lib/odid/autopilot-port >/found 2>/dev/null; [ -e /over ] || cat /found")
+    assert said.split() == ["/dev/ttyACM1", "/dev/ttyUSB0", "/dev/ttyACM0"]
+    assert two_autopilots.must("find /run -name 'usb-texts*'") == ""
+
+
 @pytest.mark.parametrize("there", [True, False])
 def test_for_a_port_that_is_not_on_usb_no_device_is_asked(two_autopilots, there):
     silent_devices(two_autopilots)
