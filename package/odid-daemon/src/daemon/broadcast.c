@@ -24,7 +24,7 @@ static struct {
     const struct config *config;
     const struct aircraft *aircraft;
     struct status_lateness *lateness;
-    struct schedule schedule;
+    struct schedule schedule, singles; /* singles: where a beacon has room for one message */
     struct loop_timer slot, retry;
     struct kept_counters counters, before; /* before: the last payload was built */
     int counters_fd;                       /* < 0: they aren't kept */
@@ -76,13 +76,32 @@ static void set_extended(const struct aircraft_view *view, int64_t now_us)
     bluetooth_set_extended(data, size, now_us);
 }
 
-/* The fullest pack that the chip takes; of one that takes single messages only, the one whose turn
- * it is. */
-static void set_beacon(const struct aircraft_view *view, enum message_type type, unsigned index,
-                       int64_t now_us)
+static void find_available(const struct aircraft_view *view, unsigned available[MESSAGE_TYPES])
+{
+    for (enum message_type type = 0; type < MESSAGE_TYPES; type++) {
+        available[type] = messages_available(view, type);
+    }
+}
+
+/* The fullest that the chip takes. One that takes single messages only has turns of its own: they
+ * wait for no Bluetooth controller. */
+static size_t beacon_pack(const struct aircraft_view *view, int64_t now_us,
+                          uint8_t pack[MESSAGES_PACK_SIZE])
+{
+    unsigned most = wifi_beacon_most(), available[MESSAGE_TYPES];
+    struct schedule_entry entry;
+
+    if (most > 1) {
+        return messages_pack(view, most, pack);
+    }
+    find_available(view, available);
+    entry = schedule_next(&self.singles, now_us, available);
+    return messages_pack_of(view, entry.type, entry.index, pack);
+}
+
+static void set_beacon(const struct aircraft_view *view, int64_t now_us)
 {
     uint8_t pack[MESSAGES_PACK_SIZE], data[MESSAGES_ELEMENT_SIZE];
-    unsigned most = wifi_beacon_most();
     size_t pack_size, size;
 
     if (!self.config->wifi_beacon_enabled) {
@@ -91,8 +110,7 @@ static void set_beacon(const struct aircraft_view *view, enum message_type type,
     if (wifi_beacon_waits()) {
         self.counters.beacon = self.before.beacon;
     }
-    pack_size =
-        most > 1 ? messages_pack(view, most, pack) : messages_pack_of(view, type, index, pack);
+    pack_size = beacon_pack(view, now_us, pack);
     self.beacon_fix_us = view->location.fix_us;
     self.beacon_us = now_us;
     self.before.beacon = self.counters.beacon;
@@ -126,9 +144,7 @@ static void on_slot(void *context, int64_t now_us)
 
     (void)context;
     aircraft_view(self.aircraft, now_us, &view);
-    for (enum message_type type = 0; type < MESSAGE_TYPES; type++) {
-        available[type] = messages_available(&view, type);
-    }
+    find_available(&view, available);
     take_back_what_waits();
     entry = schedule_next(&self.schedule, now_us, available);
     status_lateness_add(self.lateness, entry.late_us, entry.skipped);
@@ -140,7 +156,7 @@ static void on_slot(void *context, int64_t now_us)
     }
     set_legacy(&view, entry.type, entry.index, now_us);
     if (now_us - self.beacon_us >= BEACON_US) {
-        set_beacon(&view, entry.type, entry.index, now_us);
+        set_beacon(&view, now_us);
     }
     if (now_us - self.extended_us >= EXTENDED_US) {
         set_extended(&view, now_us);
@@ -154,7 +170,7 @@ static void renew_beacon(const struct aircraft_view *view, int64_t now_us)
 {
     if (wifi_beacon_most() > 1 && now_us - self.beacon_us >= BEACON_US &&
         view->location.fix_us > self.beacon_fix_us) {
-        set_beacon(view, MESSAGE_LOCATION, 0, now_us);
+        set_beacon(view, now_us);
         keep_counters();
     }
 }
@@ -232,5 +248,6 @@ void broadcast_start(const struct config *config, const struct aircraft *aircraf
     loop_timer_init(&self.slot, on_slot, NULL);
     loop_timer_init(&self.retry, on_retry, NULL);
     schedule_start(&self.schedule, now_us);
+    schedule_start(&self.singles, now_us);
     loop_arm(&self.slot, now_us);
 }

@@ -202,10 +202,11 @@ static void in_place_of_the_one_that_waits(void **state)
     radio.waits = false;
 }
 
-/* What the chip takes of a pack; the smallest of all has each message in turn. */
+/* What the chip takes of a pack; the smallest of all has each message in turn, whatever becomes of
+ * Bluetooth's. */
 static void as_much_as_the_beacon_s_chip_takes(void **state)
 {
-    static struct config config = {.wifi_beacon_enabled = true};
+    static struct config config = {.wifi_beacon_enabled = true, .bt4_enabled = true};
     static struct status_lateness lateness;
 
     (void)state;
@@ -213,6 +214,7 @@ static void as_much_as_the_beacon_s_chip_takes(void **state)
         memset(radio.beacons, 0, sizeof(radio.beacons));
         radio.beacon_size = 0;
         radio.beacon_most = most;
+        radio.waits = true; /* the controller is away */
         timer_count = 0;
         broadcast_start(&config, NULL, &lateness, START);
         run(START, START + 2000 * MS);
