@@ -34,6 +34,8 @@ class Driven:
     def come(self):
         self.link.parent.mkdir(parents=True)
         self.link.symlink_to(f"/{self.device}")
+        if not self.name.startswith("hci"):
+            (self.link.parent / "phy80211").mkdir()
 
     def go(self):
         self.link.unlink()
@@ -108,6 +110,27 @@ def test_the_driver_of_a_radio_that_is_stuck_is_bound_anew(appliance, make_drive
     assert appliance.fault(f"radio-{name}") is None
 
 
+def test_an_interface_that_only_has_a_radio_s_name_is_left_alone(appliance, make_driven, watch):
+    """Whoever may rename interfaces had root unbind the ground station's adapter."""
+    driven = make_driven("wlan0", *USB)
+    (driven.link.parent / "phy80211").rmdir()
+    watch()
+    say(appliance, "wlan0 on-air 5")
+    say(appliance, "wlan0 stuck 0")
+    assert driven.asked("unbind") == driven.asked("bind") == []
+
+
+def test_what_is_no_radio_of_the_broadcast_s_any_more_is_no_fault(appliance, make_driven, watch):
+    make_driven("hci0", *SERIAL)
+    watch()
+    say(appliance, "hci0 on-air 5")
+    say(appliance, "hci0 stuck 0")
+    say(appliance, "hci0 off 0")
+    assert appliance.fault("radio-hci0")
+    say(appliance, "hci1 off 0")
+    assert appliance.fault("radio-hci0") is None
+
+
 def test_it_is_tried_again_and_less_and_less_often(appliance, make_driven, watch):
     """Also where its interface doesn't come again."""
     driven = make_driven("hci0", *SERIAL)
@@ -163,12 +186,14 @@ def test_what_was_pulled_has_its_time_when_it_is_plugged_in_again(appliance, mak
     ({}, None, True),
     ({"armed": "armed once 1\n"}, None, False),
     ({"armed": "unknown once 1\n"}, None, False),
+    ({"armed": "disarmed once 1 unsaid\n"}, None, False),  # it fell silent, and may fly
     ({"armed": ""}, None, False),
     ({"run/odid-appliance/maintenance": "on\n"}, None, False),
     ({"run/odid-appliance/maintenance": "off\n"}, None, True),
     ({"run/odid-appliance/update-state.json": '{ "state": "installing" }\n'}, None, False),
     ({"run/odid-appliance/update-state.json": '{ "state": "trial" }\n'}, None, False),
     ({}, "run/odid-appliance/update-state.json", False),
+    ({"run/odid-appliance/data-in-memory": ""}, None, False),  # the mark goes with the restart: it had no end
     ({"data/odid/restarted-for-hci0": ""}, None, False),
     ({"data/odid/restarted-for-wlan0": ""}, None, True),
     ({}, "data/odid", False),  # nowhere to remember it

@@ -8,7 +8,7 @@
 #include "config/config.h"
 #include "odidctl/odidctl.h"
 
-enum look { LOOK_OFF, LOOK_STUCK, LOOK_ON_AIR };
+enum look { LOOK_UNUSED, LOOK_OFF, LOOK_STUCK, LOOK_ON_AIR };
 
 struct radio_look {
     const char *name;
@@ -30,6 +30,9 @@ static void look_at(struct radio_look *radio, struct json_object *status, const 
     struct json_object *stuck = field_of(channel, "stuck");
     enum look look = LOOK_OFF;
 
+    if (state != NULL && strcmp(state, "disabled") == 0) {
+        return;
+    }
     if (state != NULL && strcmp(state, "on air") == 0) {
         look = LOOK_ON_AIR;
         radio->seconds = fmax(radio->seconds, json_object_get_double(field_of(channel, "since_s")));
@@ -45,7 +48,7 @@ static void print_radio(const struct radio_look *radio)
         [LOOK_OFF] = "off", [LOOK_STUCK] = "stuck", [LOOK_ON_AIR] = "on-air"};
     double seconds = fmin(fmax(radio->seconds, 0), 1e9);
 
-    if (radio->name[0] != '\0') {
+    if (radio->name[0] != '\0' && radio->look != LOOK_UNUSED) {
         printf("%s %s %.0f\n", radio->name, words[radio->look], floor(seconds));
     }
 }

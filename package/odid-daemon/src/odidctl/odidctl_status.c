@@ -55,7 +55,8 @@ int odidctl_tell_armed(const struct places *places)
     struct kept kept;
     enum armed armed = armed_look(places->run_dir, &kept);
 
-    printf("%s %s %u\n", words[armed], kept.armed_once ? "once" : "never", kept.vehicle);
+    printf("%s %s %u %s\n", words[armed], kept.armed_once ? "once" : "never", kept.vehicle,
+           kept.armed == KEPT_ARMED || kept.armed == KEPT_DISARMED ? "said" : "unsaid");
     return armed == ARMED_NO || armed == ARMED_SILENT ? ODIDCTL_NOT_GOOD : ODIDCTL_GOOD;
 }
 

@@ -110,20 +110,22 @@ static void armed_is_what_the_daemon_keeps(void **state)
 
     (void)state;
     assert_int_equal(CALL("armed"), 0);
-    assert_string_equal(said, "unknown never 0\n");
+    assert_string_equal(said, "unknown never 0 unsaid\n");
     keep_armed("yes");
     assert_int_equal(CALL("armed"), 0);
-    assert_string_equal(said, "armed once 7\n");
+    assert_string_equal(said, "armed once 7 said\n");
     keep_armed("unheard");
     assert_int_equal(CALL("armed"), 1);
-    assert_string_equal(said, "disarmed never 7\n");
+    assert_string_equal(said, "disarmed never 7 unsaid\n");
     keep_armed("no");
     assert_int_equal(CALL("armed"), 1);
+    assert_string_equal(said, "disarmed never 7 said\n");
     keep_armed("silent"); /* switched off, on the ground */
     assert_int_equal(CALL("armed"), 1);
+    assert_string_equal(said, "disarmed never 7 unsaid\n");
     keep_armed("unsaid");
     assert_int_equal(CALL("armed"), 0);
-    assert_string_equal(said, "unknown never 7\n");
+    assert_string_equal(said, "unknown never 7 unsaid\n");
     put("run/odid/kept", "nonsense");
     assert_int_equal(CALL("armed"), 0);
     shell("rm run/odid/kept; ln -s ../../kept run/odid/kept; echo armed no >kept");
@@ -134,7 +136,7 @@ static void armed_is_what_the_daemon_keeps(void **state)
     keep_armed("no");
     end(daemon);
     assert_int_equal(CALL("armed"), 0);
-    assert_string_equal(said, "unknown never 7\n");
+    assert_string_equal(said, "unknown never 7 said\n");
 }
 
 /* A file that it couldn't replace, or make. */
@@ -145,10 +147,10 @@ static void what_it_says_itself_counts_beside_an_old_no(void **state)
     (void)state;
     keep_armed("no");
     assert_int_equal(CALL("armed"), 0);
-    assert_string_equal(said, "armed never 7\n");
+    assert_string_equal(said, "armed never 7 said\n");
     shell("rm run/odid/kept");
     assert_int_equal(CALL("armed"), 0);
-    assert_string_equal(said, "armed never 0\n");
+    assert_string_equal(said, "armed never 0 unsaid\n");
     keep_armed("no");
     end(daemon);
 }
@@ -252,11 +254,13 @@ static void radios_for_scripts(void **state)
     static const char on[] = CHANNEL("on air", "false", "61.9");
     static const char stuck[] = CHANNEL("lost", "true", "3.00");
     static const char off[] = CHANNEL("starting", "false", "700");
+    static const char disabled[] = CHANNEL("disabled", "false", "700");
 
     (void)state;
     expect_radios(on, off, stuck, "hci0 on-air 61\nwlan0 stuck 0\n");
     expect_radios(on, stuck, off, "hci0 on-air 61\nwlan0 off 0\n"); /* it has both */
     expect_radios(stuck, off, on, "hci0 stuck 0\nwlan0 on-air 61\n");
+    expect_radios(disabled, off, disabled, "hci0 off 0\n");
     put("data/odid/odid.conf", "[broadcast]\nbt5_adapter = hci1\nwifi_iface = wlan1\n");
     expect_radios(on, stuck, off, "hci0 on-air 61\nhci1 stuck 0\nwlan1 off 0\n");
     expect_radios("7", "null", "{\"state\": 7, \"stuck\": \"no\", \"since_s\": []}",
