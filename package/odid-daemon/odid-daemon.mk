@@ -13,7 +13,7 @@ ODID_DAEMON_SITE_METHOD = local
 ODID_DAEMON_LICENSE = Apache-2.0
 ODID_DAEMON_LICENSE_FILES = LICENSE
 ODID_DAEMON_DEPENDENCIES = \
-	host-pkgconf inih json-c libbluetooth libcap-ng libmicrohttpd libseccomp \
+	host-pkgconf inih json-c libbluetooth libcap-ng libmicrohttpd libnl libseccomp \
 	mavlink-c-library-v2 nettle opendroneid-core-c swupdate
 
 # The project's licence is in its top folder.

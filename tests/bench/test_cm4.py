@@ -125,6 +125,31 @@ def test_a_bluetooth_chip_that_only_its_driver_brings_back(flying):
     flying.wait_for("the fault's end", lambda: "No such file" in fault(flying, "radio-hci0"))
 
 
+def test_the_chip_s_own_count_confirms_the_beacons(flying):
+    flying.wait_for("the count", lambda: (channel(flying, "wifi") or {}).get("known") == "confirmed")
+    assert "the chip counts them" in channel(flying, "wifi")["detail"]
+
+
+def test_an_element_that_the_chip_refuses_once_leaves_none_of_before_beside_it(flying):
+    failures = channel(flying, "wifi")["failures"]
+    assert flying.wifi.order("refuse vndr_ie -30") == "done"
+    flying.wait_for("the refusal", lambda: (channel(flying, "wifi") or {"failures": 0})["failures"] > failures)
+    flying.wait_on_air()
+    since = time.monotonic()
+    flying.wait_all_five()
+    times = [one.mono for one in flying.air.receptions("wifi", since)]
+    assert len(times) == len(set(times)), "two elements in a beacon"
+
+
+def test_a_chip_that_says_ok_and_sends_no_beacon(flying):
+    assert flying.wifi.order("silence") == "done"
+    flying.wait_for("that it is off the air", lambda: (wifi := channel(flying, "wifi")) and wifi["state"] == "lost"
+                    and "the chip sends no beacon" in wifi["detail"])
+    assert flying.wifi.order("speak") == "done"
+    flying.wait_on_air()
+    flying.wait_all_five()
+
+
 def test_a_wi_fi_firmware_that_crashes(flying):
     began = flying.must("dmesg").count("BCM43455 (model)")
     assert flying.wifi.order("crash 2") == "done"

@@ -62,17 +62,17 @@ def test_its_users_are_made_with_the_groups_that_they_need(root, deb):
     root.dpkg("-i", deb)
     passwd, group = root.read("etc/passwd"), root.read("etc/group")
     assert "\nodid:" in passwd and "\nodid-hostapd:" in passwd
-    for user in ("odid", "odid-hostapd"):
+    for user in ("odid", "odid-hostapd", "odid-beacons"):
         assert f"\n{user}:x:" in passwd and "nologin" in next(line for line in passwd.splitlines() if line.startswith(f"{user}:"))
     members = {line.split(":")[0]: line.split(":")[3] for line in group.splitlines()}
-    assert members["dialout"] == "odid" and members["netdev"] == "odid"
+    assert members["dialout"] == "odid" and members["netdev"] == "odid" and members["odid-hostapd"] == "odid"
 
 
 def test_it_is_started_at_every_start_of_the_computer(root, deb):
     root.dpkg("-i", deb)
     assert os.path.lexists(root.folder / "etc/systemd/system/multi-user.target.wants/odid.service")
     # The access point by its interface, which may come late.
-    assert not list((root.folder / "etc/systemd/system").rglob("odid-hostapd*"))
+    assert not list((root.folder / "etc/systemd/system").rglob("odid-*"))
 
 
 def test_purged_it_leaves_nothing(root, deb):
@@ -111,7 +111,7 @@ def test_a_person_s_own_files_are_left_alone(root, deb):
         "etc/NetworkManager/conf.d/90-odid.conf", "etc/udev/rules.d/90-odid.rules", "etc/default/odid",
         "etc/hostapd/hostapd.conf", "etc/systemd/system/odid.service.d/mine.conf", "etc/sysusers.d/odid.conf")}
     own["etc/sysusers.d/odid.conf"] = (
-        "u odid - \"mine\" /nonexistent\nu odid-hostapd - \"mine\" /nonexistent\n")
+        "u odid - \"mine\" /nonexistent\nu odid-hostapd - \"mine\" /nonexistent\nu odid-beacons - \"mine\" /nonexistent\n")
     for name, text in own.items():
         path = root.folder / name
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -11,8 +11,9 @@ from .package import SOURCE, TOP, call
 EXPECTED = {
     "/etc/odid/odid.conf",
     "/lib/systemd/system/odid.service", "/lib/systemd/system/odid-hostapd@.service",
+    "/lib/systemd/system/odid-beacons@.service",
     "/lib/udev/rules.d/90-odid.rules",
-    "/usr/bin/odidctl", "/usr/sbin/odid-daemon", "/usr/sbin/odid-keeper",
+    "/usr/bin/odidctl", "/usr/sbin/odid-daemon", "/usr/sbin/odid-keeper", "/usr/sbin/odid-beacons",
     "/usr/lib/NetworkManager/conf.d/90-odid.conf",
     "/usr/lib/odid/apply-configuration", "/usr/lib/odid/hostapd-config",
     "/usr/lib/systemd/system/hostapd.service.d/odid.conf", "/usr/lib/systemd/system/hostapd@.service.d/odid.conf",
@@ -20,7 +21,7 @@ EXPECTED = {
     "/usr/share/bash-completion/completions/odidctl",
     "/usr/share/doc/odid/changelog.gz", "/usr/share/doc/odid/copyright", "/usr/share/doc/odid/odid.conf.example",
     "/usr/share/man/man1/odidctl.1.gz", "/usr/share/man/man5/odid.conf.5.gz",
-    "/usr/share/man/man8/odid-daemon.8.gz", "/usr/share/man/man8/odid-keeper.8.gz",
+    "/usr/share/man/man8/odid-daemon.8.gz", "/usr/share/man/man8/odid-keeper.8.gz", "/usr/share/man/man8/odid-beacons.8.gz",
     "/usr/share/odid/hostapd.conf.in",
 }
 # Of the appliance's other programs: nobody reads them here.
@@ -46,7 +47,8 @@ def test_the_version_is_the_image_s(deb):
 
 def test_it_asks_for_libraries_of_debian_12_and_for_nothing_of_the_appliance_s(deb):
     depends = {word.split(" ")[0] for word in fields(deb)["Depends"].split(", ")}
-    assert depends == {"hostapd", "systemd", "libc6", "libcap-ng0", "libinih1", "libjson-c5", "libnettle8", "libseccomp2"}
+    assert depends == {"hostapd", "systemd", "libc6", "libcap-ng0", "libinih1", "libjson-c5", "libnettle8", "libnl-3-200", "libnl-genl-3-200",
+                       "libseccomp2"}
     assert "hostapd (>= 2:2.10)" in fields(deb)["Depends"]
 
 
@@ -169,7 +171,7 @@ def test_the_access_point_that_is_made(unpacked, tmp_path):
     assert code == 0
     made = dict(line.split("=", 1) for line in (folder / "hostapd.conf").read_text().splitlines())
     assert made["interface"] == "wlan0" and made["channel"] == "11" and made["country_code"] == "SE"
-    assert made["max_num_sta"] == "0" and made["ctrl_interface_group"] == "netdev"
+    assert made["max_num_sta"] == "0" and made["ctrl_interface_group"] == "odid-hostapd"
     assert "@" not in "".join(made.values())
     key = re.fullmatch(r"00:00:00:00:00:00 ([0-9a-f]{64})\n", (folder / "psk").read_text())[1]
     assert made["wpa_psk_file"] == f"{folder}/psk"

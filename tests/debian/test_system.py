@@ -73,7 +73,7 @@ def test_it_is_on_the_air_after_a_restart(companion):
         patience.promise(f"all five on {channel}", first, ON_AIR_S)
     companion.wait_on_air(position=True)
     time.sleep(SETTLE_S)
-    assert companion.must("systemctl is-active odid odid-hostapd@wlan0").split() == ["active", "active"]
+    assert companion.must("systemctl is-active odid odid-hostapd@wlan0 odid-beacons@wlan0").split() == ["active"] * 3
 
 
 def all_five_by(machine, channel, until_mono):
@@ -105,6 +105,28 @@ def test_what_it_may_do(companion):
         assert int(companion.must(f"cut -d ')' -f 2 /proc/{number}/stat").split()[38]) == 1, f"{name}: not in real time"
         assert companion.run(f"nsenter -t {number} -m -S {user} -G {user} touch /var/tmp/x /etc/odid/x").code != 0
     assert companion.status()["privilege"]["realtime"] is True
+
+
+def test_the_access_point_switches_no_radio_off(companion):
+    """Strangers speak to it: taken over, it would have had both radios silent."""
+    number = companion.must("pidof hostapd").split()[0]
+    status = dict(line.split(":", 1) for line in companion.must(f"cat /proc/{number}/status").splitlines())
+    netdev = companion.must("getent group netdev | cut -d : -f 3").strip()
+    assert netdev not in status["Gid"].split() + status["Groups"].split()
+    uid, gid = status["Uid"].split()[0], status["Gid"].split()[0]
+    assert companion.run(f"setpriv --reuid {uid} --regid {gid} --clear-groups sh -c ': >>/dev/rfkill'").code != 0
+    assert companion.run(f"setpriv --reuid {uid} --regid {gid} --clear-groups sh -c ': </dev/rfkill'").code == 0
+
+
+def test_another_interface_takes_nothing_from_the_one_that_is_used(companion):
+    """Its own access point isn't started, and systemd took away the folder that all of them share."""
+    companion.must("iw phy $(cat /sys/class/net/wlan2/phy80211/name) interface add other0 type managed")
+    try:
+        companion.wait_for("systemd to have looked at it", lambda: "exec-condition" in companion.must(
+            "systemctl show -P Result odid-hostapd@other0; systemctl show -P Result odid-beacons@other0"))
+        companion.must("test -S /run/hostapd/wlan0 && test -e /run/odid-hostapd/hostapd.conf && test -e /run/odid-beacons/count")
+    finally:
+        companion.run("iw dev other0 del")
 
 
 def test_the_doctor_finds_nobody_to_complain_of(companion):
@@ -205,8 +227,8 @@ def test_settings_are_changed_on_the_ground(companion):
 
 def test_purged_it_is_gone(companion):
     companion.must("apt-get purge --yes odid >/root/log 2>&1")
-    assert companion.run("pidof odid-daemon odid-keeper hostapd").code != 0
-    assert companion.run("getent passwd odid odid-hostapd").output == ""
+    assert companion.run("pidof odid-daemon odid-keeper odid-beacons hostapd").code != 0
+    assert companion.run("getent passwd odid odid-hostapd odid-beacons").output == ""
     left = companion.must("find / -xdev -path /var/lib/dpkg -prune -o -path /var/log -prune -o -path /root -prune -o "
                           "-iname '*odid*' -print; ls -d /run/odid* 2>/dev/null || true")
     assert left == "", companion.run("ls -laR /etc/odid; tail -n 5 /root/log").output

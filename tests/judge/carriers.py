@@ -122,7 +122,8 @@ def has_ad_structures(data: bytes) -> bool:
 
 
 def remote_id_in_elements(elements: bytes) -> Found | None:
-    """The Remote ID vendor element of a beacon; None when there is none."""
+    """The Remote ID vendor element of a beacon, of several the first; None when there is none."""
+    first = None
     try:
         for offset, element_id, value in _length_value(elements, length_first=False):
             if element_id == ELEMENT_VENDOR and value[:3] == OUI_REMOTE_ID:
@@ -130,11 +131,13 @@ def remote_id_in_elements(elements: bytes) -> Found | None:
                 if value[3:4] != bytes((APPLICATION_CODE,)):
                     code = f"{value[3]:#04x}" if len(value) > 3 else "none"
                     return Found(None, raw, f"vendor element type is {code}, not 0x0d")
-                return Found(value[3:], raw)
+                if first:
+                    return Found(first.payload, first.raw, "two elements in one beacon: receivers show either")
+                first = Found(value[3:], raw)
     except FrameError as error:
-        if OUI_REMOTE_ID + bytes((APPLICATION_CODE,)) in elements:
+        if first is None and OUI_REMOTE_ID + bytes((APPLICATION_CODE,)) in elements:
             return Found(None, elements, f"beacon elements are malformed: {error}")
-    return None
+    return first
 
 
 def beacon_in_80211(frame: bytes, rssi: int | None = None, channel: int | None = None) -> Beacon | None:

@@ -106,6 +106,7 @@ def test_carriers_name_what_is_wrong():
     assert remote_id_in_elements(b"\0\0" + element).payload == element[5:]
     assert remote_id_in_elements(b"\0\0" + element[:-1]).problem.startswith("beacon elements are malformed")
     assert remote_id_in_elements(b"\xdd\x04\xfa\x0b\xbc\x0e").problem == "vendor element type is 0x0e, not 0x0d"
+    assert remote_id_in_elements(element + element).problem.startswith("two elements in one beacon")
     assert remote_id_in_elements(b"\0\4odid\xdd\x04\x00\x50\xf2\x01") is None
 
 

@@ -107,18 +107,15 @@ class Scanner:
         self._socket.close()
 
 
-def beacon_payload(packet):
-    """(BSSID, Open Drone ID payload) of a beacon behind a radiotap header, or None."""
+def beacon_payloads(packet):
+    """(BSSID, Open Drone ID payload) of each such element of a beacon behind a radiotap header; more than one is a fault."""
     frame = packet[int.from_bytes(packet[2:4], "little"):]
-    if frame[:1] != b"\x80":
-        return None
-    at = FIXED_FIELDS
+    at = FIXED_FIELDS if frame[:1] == b"\x80" else len(frame)
     while at + 1 < len(frame):
         body = frame[at + 2:at + 2 + frame[at + 1]]
         if frame[at] == 221 and body.startswith(VENDOR_ELEMENT):
-            return frame[16:22].hex(":").upper(), body[len(VENDOR_ELEMENT):]
+            yield frame[16:22].hex(":").upper(), body[len(VENDOR_ELEMENT):]
         at += 2 + frame[at + 1]
-    return None
 
 
 def beacons(path):
@@ -130,9 +127,7 @@ def beacons(path):
         packet = data[at + PCAP_RECORD:at + PCAP_RECORD + length]
         if len(packet) < length:
             break
-        heard = beacon_payload(packet)
-        if heard:
-            found.append(Reception(seconds + micros / 1e6 + to_mono_s, "wifi", *heard))
+        found += [Reception(seconds + micros / 1e6 + to_mono_s, "wifi", *heard) for heard in beacon_payloads(packet)]
         at += PCAP_RECORD + length
     return found
 

@@ -1,7 +1,7 @@
 """A MODEL of hostapd: its control interface, scripted, and the beacons that would be on the air.
 
 Speaks hostapd's protocol on a UNIX datagram socket (<dir>/<iface>): PING, STATUS, SET
-vendor_elements, UPDATE_BEACON. As hostapd does, it takes an element at SET and sends it from the
+vendor_elements, UPDATE_BEACON, DISABLE, ENABLE. As hostapd does, it takes an element at SET and sends it from the
 next UPDATE_BEACON on. Each beacon (102.4 ms) goes into a growing pcap, a whole 802.11 frame behind
 a radiotap header, time stamped and flushed: that is what the judge hears. Nothing of it is real
 radio; hostapd itself is part of the system bench.
@@ -12,9 +12,12 @@ Orders, one a line on standard input, each answered by "done" or "error: ...":
   disabled | enabled  STATUS says so; no beacon while disabled
   delay MS            each answer comes this late
   forget              drops the element, as a reconfigured hostapd does
-  refuse N            the chip refuses the next N elements; as brcmfmac the driver takes the one that was refused for set, and
-                      fails with each other one, until it is told to send none
+  refuse N            the chip refuses the next N changes of its elements
   limit OCTETS        it refuses longer ones; 0: none is too long
+  silence | speak     the chip says OK to everything, and sends no beacon
+
+Between hostapd and the chip there is a driver that does as brcmfmac: it takes for set what it was told, whatever the chip says;
+has that one deleted before it has another one added; and has nothing to do where it is told the same again.
 """
 
 import argparse
@@ -86,12 +89,27 @@ class ControlInterface:
 
     def __init__(self, iface):
         self.iface = iface
-        self.given, self.active = b"", b""  # by SET; by UPDATE_BEACON
-        self.fail, self.muted, self.enabled, self.delay_s = 0, False, True, 0.0
-        self.refusals, self.limit, self.refused = 0, 0, None  # refused: the last one, while the driver is wrong about it
+        self.given = b""  # by SET
+        self.fail, self.muted, self.delay_s = 0, False, 0.0
+        self.enabled, self.switched_on = True, True  # by orders; by requests
+        self.refusals, self.limit, self.silent = 0, 0, False
+        self.forget()
+
+    def forget(self):
+        """As a reconfigured hostapd, a driver and its chip do."""
+        self.given, self._driver, self._chip = b"", b"", []
+
+    @property
+    def active(self):
+        """What is in the beacons."""
+        return b"".join(self._chip)
+
+    @property
+    def sends(self):
+        return self.enabled and self.switched_on and not self.silent
 
     def status(self):
-        state = "ENABLED" if self.enabled else "DISABLED"
+        state = "ENABLED" if self.enabled and self.switched_on else "DISABLED"
         return (f"state={state}\nphy=phy0\nfreq={FREQUENCY_MHZ}\nnum_sta_non_erp=0\n"
                 f"channel={CHANNEL}\nbeacon_int={BEACON_INTERVAL_TU}\ndtim_period=2\n"
                 f"bss[0]={self.iface}\nbssid[0]={BSSID.hex(':')}\nssid[0]={SSID.decode()}\n"
@@ -107,16 +125,21 @@ class ControlInterface:
             return "FAIL\n"
         return "OK\n"
 
-    def send(self, element):
-        """What the driver says of it."""
-        if element and element == self.refused:
+    def _update(self):
+        """What the driver says."""
+        if self.given == self._driver:
             return True
-        refuses = self.refused is not None or self.refusals > 0 or 0 < self.limit < len(element)
-        if element and refuses:
-            self.refusals -= self.refusals > 0 and self.refused is None
-            self.active, self.refused = b"", element
+        before, self._driver = self._driver, self.given
+        if self.refusals > 0 and self.given:
+            self.refusals -= 1
             return False
-        self.active, self.refused = element, None
+        if before:
+            if before not in self._chip:
+                return False
+            self._chip.remove(before)
+        if 0 < self.limit < len(self.given):
+            return False
+        self._chip += [self.given] if self.given else []
         return True
 
     def answer(self, request):
@@ -129,7 +152,11 @@ class ControlInterface:
             variable, *text = words or [""]
             return self.set_elements(*text) if variable == "vendor_elements" and text else "FAIL\n"  # no other one is modelled
         if request == "UPDATE_BEACON":
-            return "OK\n" if self.enabled and self.send(self.given) else "FAIL\n"
+            return "OK\n" if self.enabled and self.switched_on and self._update() else "FAIL\n"
+        if request in ("DISABLE", "ENABLE"):
+            self.switched_on = request == "ENABLE"
+            self.forget()
+            return "OK\n"
         return "UNKNOWN COMMAND\n"
 
     def obey(self, words):
@@ -146,8 +173,10 @@ class ControlInterface:
             self.refusals = int(*values)
         elif order == "limit" and len(values) == 1:
             self.limit = int(*values)
+        elif words in (["silence"], ["speak"]):
+            self.silent = order == "silence"
         elif words == ["forget"]:
-            self.given = self.active = b""
+            self.forget()
         else:
             raise ValueError(f"unknown order {' '.join(words)!r}")
 
@@ -204,7 +233,7 @@ class Hostapd(ControlInterface):
             self.send_answers(now)
             if now >= due:
                 due += BEACON_INTERVAL_S * (1 + (now - due) // BEACON_INTERVAL_S)
-                if self.enabled:
+                if self.sends:
                     sequence += 1
                     self.pcap.write(beacon(sequence, int((now - start) * 1e6), self.active))
 

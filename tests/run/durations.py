@@ -60,6 +60,7 @@ PERMITTED_SLEEPS = {
     "bench/guest/test_relay.py::test_a_peer_that_is_not_there_costs_nothing": "it must not end",
     "daemon/test_flight_record.py::test_a_flight_with_a_killed_daemon_a_lost_hostapd_and_a_killed_recorder":
         "so long a flight goes on, and so long something is away",
+    "models/test_models.py::test_what_a_chip_had_before_it_refused_stays_in_it": "it must not be in them",
     "models/test_models.py::test_an_element_is_in_the_beacons_from_the_update_on": "it must not be in them",
     "scripts/test_scripts.py::test_each_adapter_that_is_plugged_in_gets_an_address": "no other one may get any",
     "scripts/test_scripts.py::test_another_hawkbit_counts_when_no_update_is_going_on": "it must not be told again",

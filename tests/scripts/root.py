@@ -58,8 +58,8 @@ class Appliance:
             (root / "usr/bin" / name).chmod(0o755)
         self.settings()
         self.write("armed", "disarmed never 0 said\n")
-        self.write("etc/passwd", "root:x:0:0::/:/bin/sh\nhostapd:x:994:994::/:/bin/false\n")
-        self.write("etc/group", f"root:x:0:\nhostapd:x:994:\nnetdev:x:{NETDEV}:hostapd\n")
+        self.write("etc/passwd", "root:x:0:0::/:/bin/sh\nhostapd:x:994:994::/:/bin/false\nodid-beacons:x:989:989::/:/bin/false\n")
+        self.write("etc/group", f"root:x:0:\nhostapd:x:994:\nodid-beacons:x:989:\nnetdev:x:{NETDEV}:hostapd\n")
         self.run("/bin/busybox --install -s /bin", shell="/bin/busybox")
 
     def settings(self, **changed):

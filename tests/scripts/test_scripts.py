@@ -652,6 +652,25 @@ grep '^hostapd /run/hostapd' /proc/mounts >/mounted
     assert appliance.read("sys/fs/cgroup/hostapd/memory.max").strip() == str(24 << 20)
 
 
+def test_who_asks_the_chip_has_one_right_and_a_folder_of_its_own(appliance):
+    appliance.write("usr/bin/odid-confine", """#!/bin/sh
+echo "$*" >/began
+{ stat -c '%u %g %a' /run/odid-beacons; cat /proc/self/oom_score_adj; } >>/began
+grep '^odid-beacons /run/odid-beacons' /proc/mounts >/mounted
+""")
+    (appliance.root / "usr/bin/odid-confine").chmod(0o755)
+    appliance.settings(broadcast__wifi_iface="wlan1")
+    appliance.must("cd /etc/sv/odid-beacons && ./run")
+    uid, gid = USERS["odid-beacons"]
+    assert appliance.read("began").splitlines() == ["-u odid-beacons odid-beacons wlan1 /run/odid-beacons/count", f"{uid} {gid} 755", "0"]
+    (mounted,) = appliance.read("mounted").splitlines()
+    assert "size=16k" in mounted and "nr_inodes=8" in mounted and "noexec" in mounted
+    assert appliance.read("sys/fs/cgroup/odid-beacons/memory.max").strip() == str(4 << 20)
+    appliance.settings(broadcast__wifi_beacon_enabled="false")
+    appliance.must("cd /etc/sv/odid-beacons && ./run")
+    assert appliance.calls() == ["sv down odid-beacons"]
+
+
 def test_what_mdev_starts_makes_nothing_that_everybody_writes(appliance):
     """mdev's umask is 0. Into the name of the port that had come back anybody wrote another one, with sed's words in it, for root."""
     appliance.port("ttyACM0", "1-1", 0, **PIXHAWK)
@@ -1542,7 +1561,7 @@ def test_the_daemon_is_restarted_by_its_own_settings_only(appliance, changed):
     appliance.settings(wifi__channel="11")
     assert saved(appliance).returncode == 0
     assert ("sv term odid-daemon" in appliance.calls()) == changed
-    assert "sv term hostapd" in appliance.calls()
+    assert "sv term hostapd odid-beacons" in appliance.calls()
 
 
 def test_another_password_counts_at_once(appliance):
@@ -2246,9 +2265,9 @@ def test_a_stranger_with_the_keeper_s_number_feeds_no_watchdog(appliance, same):
     ("disarmed never 1", "idle", False),  # it is decided
     ("armed once 1", "trial", False),
     ("unknown once 1", "trial", False),  # it may be in the air
-    ("unknown never 1", "trial", False),
-    ("unknown never 0", "trial", True),  # its daemon never came up, or heard nobody
-    ("unknown never 0", None, True),  # and its odid-update neither
+    ("unknown never 1 unsaid", "trial", False),
+    ("unknown never 0 unsaid", "trial", True),  # its daemon never came up, or heard nobody
+    ("unknown never 0 unsaid", None, True),  # and its odid-update neither
     ("", "trial", False),
 ])
 def test_a_trial_that_nobody_decides_is_ended_unless_it_may_be_in_the_air(appliance, armed, state, left):

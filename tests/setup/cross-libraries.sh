@@ -7,7 +7,7 @@ architecture=$1
 mkdir -p "$2"
 out=$(cd "$2" && pwd)
 names='libc6 libbluetooth3 libbluetooth-dev libcap-ng-dev libcap-ng0 libinih-dev libinih1 libjson-c-dev libjson-c5 libseccomp-dev
-    libseccomp2 nettle-dev libnettle8'
+    libseccomp2 nettle-dev libnettle8 libnl-3-dev libnl-3-200 libnl-genl-3-dev libnl-genl-3-200'
 fetched=${FETCHED:-${XDG_CACHE_HOME:-$HOME/.cache}/odid}/companion-$architecture
 
 # Another checkout waits meanwhile.

@@ -31,6 +31,7 @@ class Fault:
     kept: bool = False  # needs odid-keeper and the others
     no_position: bool = False  # the daemon is there, and has none
     meanwhile_s: float = math.inf  # while it lasts: without a newer position
+    known_s: float = 0.0  # after its end: only then is it known
     told: bool = False  # takes nothing away, but is told to the pilot; limit_s: and no longer than that after its end
 
     @property
@@ -136,6 +137,9 @@ FAULTS = (
     Fault("hostapd_disabled", WIFI, 1.5, lambda flight: flight.hostapd.order("disabled"),
           lambda flight: flight.hostapd.order("enabled")),
     Fault("hostapd_refuses", WIFI, 1.5, lambda flight: flight.hostapd.order("fail", "2")),
+    # It may just be switched off and on when it is over.
+    Fault("wifi_chip_silent", WIFI, 2.5, lambda flight: flight.hostapd.order("silence"),
+          lambda flight: flight.hostapd.order("speak"), known_s=1.0),
     Fault("hostapd_forgets", WIFI, 0.45, lambda flight: flight.hostapd.order("forget")),
     Fault("autopilot_unplugged", ALL, 2.1, lambda flight: flight.autopilot.device.unplug(),
           lambda flight: flight.autopilot.device.plug_in(), no_position=True),

@@ -1,10 +1,12 @@
-"""A MODEL of hostapd: models/hostapd.py's control interface, with the world's time and air."""
+"""A MODEL of hostapd: models/hostapd.py's control interface, with the world's time and air. And one of odid-beacons, which
+writes down how many beacons the chip has sent."""
 
 import socket
 
 from models.hostapd import BEACON_INTERVAL_TU, BSSID, CHANNEL, ControlInterface
 
 BEACON_US = BEACON_INTERVAL_TU * 1024
+COUNT_EVERY_US = 500_000
 
 
 class Hostapd(ControlInterface):
@@ -13,16 +15,26 @@ class Hostapd(ControlInterface):
         self.world, self.air, self.path, self.answers_us = world, air, folder / iface, answers_us
         self.socket = None
         self._next_us = world.now_us
-        self._heard = None
+        self._heard, self._sent = None, 0
         folder.mkdir(parents=True, exist_ok=True)
         air.radios.append(self._send)
         self.start()
+        self._count = world.root / "run/odid-beacons/count"
+        self._count.parent.mkdir(parents=True)
+        self._write_count()
+
+    def _write_count(self):
+        self._send(self.world.now_us)
+        new = self._count.with_suffix(".new")
+        new.write_text(f"{self.world.now_us // 1000} {self._sent}\n")
+        new.rename(self._count)
+        self.world.after(COUNT_EVERY_US, self._write_count)
 
     def start(self):
         """Its beacons begin without an element, whatever was in them before."""
         self._send(self.world.now_us)
-        self.given = self.active = b""
-        self.refused = self._heard = None
+        self.forget()
+        self.switched_on, self._heard = True, None
         self._next_us = self.world.now_us
         self.path.unlink(missing_ok=True)  # a killed one's
         self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
@@ -63,6 +75,7 @@ class Hostapd(ControlInterface):
     def _send(self, until_us):
         """The beacons that have come due."""
         while self._next_us <= until_us:
-            if self.socket and self.enabled:
+            if self.socket and self.sends:
+                self._sent += 1
                 self.air.hear(self._heard, self._next_us)
             self._next_us += BEACON_US

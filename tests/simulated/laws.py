@@ -317,7 +317,9 @@ def channel_is_true(flight, times, channel, said, at_s):
     elif not something_was_wrong(flight, at_s, channel):
         yield f"{channel}: \"{said['state']}\" at {at_s:.3f} s, and nothing was wrong with it"
     elif (since_s := at_s - said["since_s"]) + SINCE_S + lateness_s(flight) < at_s:
-        later = times[bisect_right(times, since_s + SINCE_S + lateness_s(flight)):bisect_right(times, at_s - MADE_S)]
+        known_s = max((one.fault.known_s + lateness_s(flight) for one in flight.windows if one.fault.known_s and one.channel == channel and
+                       one.begin_s < at_s < one.back_s + one.fault.limit_s + lateness_s(flight)), default=0.0)
+        later = times[bisect_right(times, since_s + SINCE_S + lateness_s(flight)):bisect_right(times, at_s - MADE_S - known_s)]
         # A radio that takes too long for each is as good as lost.
         if any(after - before < SLOWLY_S for before, after in pairwise(later)):
             yield f"{channel}: \"{said['state']}\" since {since_s:.3f} s, and newer positions were heard from {later[0]:.3f} s on"

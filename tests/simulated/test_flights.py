@@ -285,6 +285,29 @@ def test_a_chip_without_room_for_all_messages_has_those_that_matter_most(make_fl
     assert longest_gap_s(later["location"]) < 0.7 and all(longest_gap_s(later[kind]) < 3 for kind in kinds)
 
 
+def wifi_said(flight):
+    return [(one["at_s"] - START_US / 1e6, one["channels"]["wifi"]) for one in flight.technician.answers]
+
+
+def test_what_the_chip_counts_is_said_to_be_confirmed(make_flight):
+    flight = make_flight()
+    flight.fly(FLIGHT_S)
+    assert {said["known"] for at_s, said in wifi_said(flight) if at_s > AT_S} == {"confirmed"}
+
+
+@pytest.mark.parametrize("seconds", (4, 40))
+def test_a_chip_that_says_ok_and_sends_nothing_is_off_the_air(make_flight, seconds):
+    """Of the beacons nobody knew but the chip."""
+    flight = make_flight()
+    flight.harm(BY_NAME["wifi_chip_silent"], AT_S, seconds)
+    flight.fly(AT_S + seconds + 10)
+    silent = [said for at_s, said in wifi_said(flight) if AT_S + 3 < at_s < AT_S + seconds]
+    assert silent and all(said["state"] != "on air" for said in silent)
+    assert any("sends no beacon" in said["detail"] for said in silent)
+    assert all(said["state"] == "on air" for at_s, said in wifi_said(flight) if at_s > AT_S + seconds + 3)
+    assert any(said["stuck"] for said in silent) == (seconds > 10)
+
+
 # --- the flight record --------------------------------------------------------------------
 
 

@@ -25,12 +25,13 @@ struct fake_hostapd {
     bool passes;       /* a descriptor with each reply */
     bool disabled;
     const char *set_reply, *update_reply;
-    size_t limit;       /* longer elements are refused, in octets; 0: none is */
-    unsigned refuses;   /* so many updates */
-    bool confused;      /* as brcmfmac after a refusal, until its element is cleared */
-    char refused[1024]; /* which it then takes for set */
-    char configured[1024], beacon[1024]; /* vendor elements, as hexadecimal */
-    unsigned requests, statuses, sets, updates;
+    size_t limit;     /* longer elements are refused, in octets; 0: none is */
+    unsigned refuses; /* so many updates */
+    /* vendor elements, as hexadecimal: hostapd's, the one that its driver takes for set, and those
+     * that the chip has */
+    char configured[1024], driver[1024], chip[2][1024];
+    char beacon[2048]; /* the chip's one after the other */
+    unsigned requests, statuses, sets, clears, updates, switched;
 };
 
 static inline void fake_reply(struct fake_hostapd *fake, const char *reply)
@@ -62,27 +63,62 @@ static inline bool fake_pass(struct fake_hostapd *fake, const char *reply, int f
     return sendmsg(fake->watch.fd, &message, MSG_DONTWAIT) >= 0;
 }
 
-/* brcmfmac's, and the chip's: the element of before is deleted first, by what the driver believes
- * that the chip has. */
-static bool fake_chip_refuses(struct fake_hostapd *fake)
+static inline void fake_hostapd_forget(struct fake_hostapd *fake)
 {
-    size_t octets = strlen(fake->configured) / 2;
-
-    if (octets == 0) {
-        fake->confused = false;
-        return false;
-    }
-    if (fake->confused && strcmp(fake->refused, fake->configured) == 0) {
-        return false;
-    }
-    if (!fake->confused && fake->refuses == 0 && (fake->limit == 0 || octets <= fake->limit)) {
-        return false;
-    }
-    fake->refuses -= fake->refuses > 0 && !fake->confused;
-    fake->confused = true;
-    memcpy(fake->refused, fake->configured, sizeof(fake->refused));
+    memset(fake->driver, 0, sizeof(fake->driver));
+    memset(fake->chip, 0, sizeof(fake->chip));
     memset(fake->beacon, 0, sizeof(fake->beacon));
+}
+
+/* The chip's: `before` is deleted, `now` added; "" is none. What it refuses it leaves as it is. */
+static bool fake_chip_takes(struct fake_hostapd *fake, const char *before, const char *now)
+{
+    char *place;
+
+    if (before[0] != '\0') {
+        place = strcmp(fake->chip[0], before) == 0 ? fake->chip[0] : fake->chip[1];
+        if (strcmp(place, before) != 0) {
+            return false;
+        }
+        memset(place, 0, sizeof(fake->chip[0]));
+    }
+    if (now[0] == '\0') {
+        return true;
+    }
+    place = fake->chip[0][0] == '\0' ? fake->chip[0] : fake->chip[1];
+    if ((fake->limit > 0 && strlen(now) / 2 > fake->limit) || place[0] != '\0') {
+        return false;
+    }
+    memcpy(place, now, strlen(now));
     return true;
+}
+
+/* brcmfmac's: it takes for set what it was told, whatever the chip says; the same one is nothing
+ * new. */
+static bool fake_driver_takes(struct fake_hostapd *fake)
+{
+    char before[sizeof(fake->driver)];
+    bool taken;
+
+    if (strcmp(fake->driver, fake->configured) == 0) {
+        return true;
+    }
+    memcpy(before, fake->driver, sizeof(before));
+    memcpy(fake->driver, fake->configured, sizeof(fake->driver));
+    if (fake->refuses > 0 && fake->configured[0] != '\0') {
+        fake->refuses--;
+        return false;
+    }
+    taken = fake_chip_takes(fake, before, fake->driver);
+    snprintf(fake->beacon, sizeof(fake->beacon), "%s%s", fake->chip[0], fake->chip[1]);
+    return taken;
+}
+
+/* An element that somebody set before. */
+static inline void fake_hostapd_has(struct fake_hostapd *fake, const char *element)
+{
+    snprintf(fake->configured, sizeof(fake->configured), "%s", element);
+    fake_driver_takes(fake);
 }
 
 static const char *fake_obey_hostapd(struct fake_hostapd *fake, const char *request)
@@ -96,6 +132,7 @@ static const char *fake_obey_hostapd(struct fake_hostapd *fake, const char *requ
     }
     if (strncmp(request, set, strlen(set)) == 0) {
         fake->sets++;
+        fake->clears += request[strlen(set)] == '\0';
         if (strcmp(fake->set_reply, "OK\n") == 0) {
             snprintf(fake->configured, sizeof(fake->configured), "%s", request + strlen(set));
         }
@@ -103,16 +140,15 @@ static const char *fake_obey_hostapd(struct fake_hostapd *fake, const char *requ
     }
     if (strcmp(request, "UPDATE_BEACON") == 0) {
         fake->updates++;
-        if (fake->disabled || fake_chip_refuses(fake)) {
-            return "FAIL\n";
-        }
-        if (fake->confused) {
-            return "OK\n"; /* and does nothing */
-        }
-        if (strcmp(fake->update_reply, "OK\n") == 0) {
-            memcpy(fake->beacon, fake->configured, sizeof(fake->beacon));
-        }
-        return fake->update_reply;
+        return fake->disabled || strcmp(fake->update_reply, "OK\n") != 0 || !fake_driver_takes(fake)
+                   ? "FAIL\n"
+                   : "OK\n";
+    }
+    if (strcmp(request, "DISABLE") == 0 || strcmp(request, "ENABLE") == 0) {
+        fake->switched++;
+        fake->disabled = request[0] == 'D';
+        fake_hostapd_forget(fake);
+        return "OK\n";
     }
     return "UNKNOWN COMMAND\n";
 }
@@ -151,7 +187,7 @@ static void fake_hostapd_run(struct fake_hostapd *fake)
     struct sockaddr_un address = {.sun_family = AF_UNIX};
     int fd = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
 
-    memset(fake->beacon, 0, sizeof(fake->beacon)); /* a new one has forgotten everything */
+    fake_hostapd_forget(fake); /* a new one has forgotten everything */
     memset(fake->configured, 0, sizeof(fake->configured));
     snprintf(address.sun_path, sizeof(address.sun_path), "%s", fake->path);
     if (bind(fd, (struct sockaddr *)&address, sizeof(address)) == 0) {

@@ -238,7 +238,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     begun_us = loop_now_us();
     self.request = REQUEST_NONE;
     self.enabled = self.pending = false;
-    self.length = 0;
+    self.newest.length = 0;
     retry_reset(&self.retry);
     begin();
     wifi_beacon_start(&config, &radio, loop_now_us());
@@ -248,6 +248,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     }
     hostapd_control_close(&self.control);
     loop_arm(&self.timer, LOOP_NEVER);
+    loop_arm(&self.look, LOOP_NEVER);
     end();
     return 0;
 }

@@ -5,7 +5,9 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "daemon/beacon_room.h"
 #include "daemon/messages.h"
+#include "radio/beacon_evidence.h"
 #include "radio/hostapd_control.h"
 #include "radio/rfkill.h"
 
@@ -16,10 +18,13 @@
 #define REFRESH_US 5000000
 /* What was refused is tried again after this long; what may do better, at once. */
 #define REFUSED_US 250000
-/* A fuller pack than what is taken is tried again: first after this long, then half as often each
- * time. */
-#define AGAIN_US 10000000
-#define AGAIN_MAX_US 600000000
+/* An interface that is switched off and on takes hostapd, and its chip, so long at most. */
+#define SWITCH_US 5000000
+/* What brings a silent chip back is tried again after so long: by then its driver was bound anew.
+ */
+#define SILENT_AGAIN_US 10000000
+/* Meanwhile it is looked so often whether it sends again. */
+#define SOON_US 100000
 
 #define SET_REQUEST "SET vendor_elements "
 
@@ -29,8 +34,25 @@ enum request {
     REQUEST_STATUS,
     REQUEST_SET,
     REQUEST_UPDATE,
+    REQUEST_BACK_SET,
+    REQUEST_BACK_UPDATE,
     REQUEST_CLEAR_SET,
     REQUEST_CLEAR_UPDATE,
+    REQUEST_DISABLE,
+    REQUEST_ENABLE,
+};
+
+/* Hostapd said OK, and no beacon went out: what was tried last against that. */
+enum remedy {
+    REMEDY_NONE,
+    REMEDY_SET_ANEW,
+    REMEDY_OFF_AND_ON, /* the interface */
+    REMEDY_DRIVER,     /* to be bound anew, by whoever may: see radio_stuck */
+};
+
+struct element {
+    size_t length; /* 0: none */
+    uint8_t octets[MESSAGES_ELEMENT_SIZE];
 };
 
 static struct {
@@ -38,6 +60,10 @@ static struct {
     struct radio *radio;
     struct hostapd_control control;
     struct loop_timer timer; /* closed: the next try; open: the next question */
+    struct loop_timer look;  /* at the evidence */
+    struct beacon_evidence evidence;
+    struct beacon_room room;
+    struct element newest, given, taken; /* given to hostapd last; taken by the chip last */
     struct retry retry;
     enum request request;
     bool enabled;       /* hostapd's interface transmits, as far as it knows */
@@ -46,15 +72,11 @@ static struct {
     int64_t status_us;  /* when to ask for the status next */
     int64_t refresh_us; /* when to give the element again, although it is the same */
     int64_t allowed_us; /* no element before this */
-    unsigned refusals;  /* running */
     bool refused;       /* and it isn't known yet whether the interface is up */
     bool to_clear;      /* the driver's idea of what is in the beacon may be wrong */
-    unsigned most;      /* messages in an element */
-    unsigned taken;     /* so many were taken, and more is being tried; 0: no trial */
-    unsigned given;     /* in the element that hostapd was given last */
-    int64_t again_us, again_wait_us;
-    size_t length; /* of the element; 0: none was given yet */
-    uint8_t element[MESSAGES_ELEMENT_SIZE];
+    bool to_switch;     /* the interface, off and on */
+    enum remedy remedy;
+    int64_t expected_us; /* beacons with the element, from then on */
 } self;
 
 static void close_and_retry(enum radio_state state, const char *what, int error, int64_t now_us)
@@ -103,28 +125,47 @@ static void request(enum request kind, const char *text, int64_t now_us)
     self.request = kind;
 }
 
-static unsigned messages_in(size_t length)
+static unsigned messages_in(const struct element *element)
 {
-    return length < MESSAGES_ELEMENT_EMPTY
+    return element->length < MESSAGES_ELEMENT_EMPTY
                ? 0
-               : (unsigned)((length - MESSAGES_ELEMENT_EMPTY) / MESSAGE_SIZE);
+               : (unsigned)((element->length - MESSAGES_ELEMENT_EMPTY) / MESSAGE_SIZE);
 }
 
-static void send_element(int64_t now_us)
+static void request_set(enum request kind, const struct element *element, int64_t now_us)
 {
     static const char digits[] = "0123456789abcdef";
     char text[sizeof(SET_REQUEST) + 2 * MESSAGES_ELEMENT_SIZE] = SET_REQUEST;
     char *end = text + strlen(SET_REQUEST);
 
-    for (size_t i = 0; i < self.length; i++) {
-        *end++ = digits[self.element[i] >> 4];
-        *end++ = digits[self.element[i] & 0x0F];
+    for (size_t i = 0; i < element->length; i++) {
+        *end++ = digits[element->octets[i] >> 4];
+        *end++ = digits[element->octets[i] & 0x0F];
     }
     *end = '\0';
+    request(kind, text, now_us);
+}
+
+static void send_element(int64_t now_us)
+{
     self.pending = false;
-    self.given = messages_in(self.length);
+    self.given = self.newest;
     self.refresh_us = now_us + REFRESH_US;
-    request(REQUEST_SET, text, now_us);
+    request_set(REQUEST_SET, &self.given, now_us);
+}
+
+static void clear(int64_t now_us)
+{
+    static const struct element none;
+
+    self.taken.length = 0;
+    request_set(REQUEST_CLEAR_SET, &none, now_us);
+}
+
+static void switch_interface(enum request kind, const char *text, int64_t now_us)
+{
+    request(kind, text, now_us);
+    hostapd_control_wait(&self.control, now_us + SWITCH_US);
 }
 
 /* When the element is due; LOOP_NEVER when there is nothing to give, or nobody to take it. */
@@ -132,7 +173,7 @@ static int64_t element_due_us(void)
 {
     int64_t due_us = self.pending ? self.allowed_us : self.refresh_us;
 
-    if (!self.enabled || self.length == 0) {
+    if (!self.enabled || self.newest.length == 0) {
         return LOOP_NEVER;
     }
     return due_us > self.allowed_us ? due_us : self.allowed_us;
@@ -146,11 +187,16 @@ static void advance(int64_t now_us)
     if (self.control.watch.fd < 0 || self.request != REQUEST_NONE) {
         return;
     }
-    if (now_us >= self.status_us) {
+    if (self.to_switch) {
+        self.to_switch = self.enabled = false;
+        switch_interface(REQUEST_DISABLE, "DISABLE", now_us);
+    } else if (now_us >= self.status_us) {
         self.status_us = now_us + (self.enabled ? STATUS_EVERY_US : STATUS_SOON_US);
         request(REQUEST_STATUS, "STATUS", now_us);
+    } else if (self.to_clear && self.enabled && self.taken.length > 0) {
+        request_set(REQUEST_BACK_SET, &self.taken, now_us);
     } else if (self.to_clear && self.enabled) {
-        request(REQUEST_CLEAR_SET, SET_REQUEST, now_us);
+        clear(now_us);
     } else if (now_us >= element_us) {
         send_element(now_us);
     } else {
@@ -182,66 +228,88 @@ static void find_state(const char *reply, char value[32])
 static void forget_refusals(void)
 {
     self.refused = self.to_clear = false;
-    self.refusals = self.taken = 0;
-    self.most = MESSAGES_PACK_MAX;
-    self.again_us = LOOP_NEVER;
-    self.again_wait_us = AGAIN_US;
-}
-
-static void try_again_later(int64_t now_us)
-{
-    self.again_us = now_us + self.again_wait_us;
-    self.again_wait_us *= self.again_wait_us < AGAIN_MAX_US ? 2 : 1;
-}
-
-static bool is_trial(void)
-{
-    return self.taken != 0 && self.given > self.taken;
-}
-
-/* Without Self-ID and Authentication, then what has to be there at least, then one by one. */
-static unsigned less_than(unsigned messages)
-{
-    return messages > 4 ? 4 : messages > 3 ? 3 : 1;
+    self.taken.length = 0;
+    beacon_room_forget(&self.room);
 }
 
 /*
- * The interface is up, and refused the element: for its length, or for once.
- * brcmfmac then takes the same element for set already and deletes another one
- * that the chip hasn't got, until what it keeps is cleared. What was refused for
- * once, by a radio that was switched off a moment ago too, is given whole again.
+ * The interface is up, and refused the element: for its length, or for once. brcmfmac takes it for
+ * set all the same, and deletes it before it sets another one: which the chip, that hasn't got it,
+ * refuses as well. What the chip may still have, and would send beside all others from now on, is
+ * what it took last. Given back that one, the driver is right about the chip, which refuses; and
+ * once that is cleared the chip has none.
  */
 static void take_less(int64_t now_us)
 {
     self.to_clear = true;
-    if (is_trial()) {
-        self.most = self.taken;
-    } else if (self.refusals == 1) {
-        return;
-    } else if (self.given > 1) {
-        self.most = less_than(self.given);
-    } else {
+    if (!beacon_room_refused(&self.room, messages_in(&self.given), now_us)) {
         self.allowed_us = now_us + REFUSED_US; /* there is nothing less */
-        return;
-    }
-    self.taken = 0;
-    try_again_later(now_us);
-    if (messages_in(self.length) > self.most) {
-        self.length = 0; /* a shorter one takes its place, and its counter */
+    } else if (messages_in(&self.newest) > self.room.most) {
+        self.newest.length = 0; /* a shorter one takes its place, and its counter */
     }
 }
 
-static void try_more(int64_t now_us)
+/* ---- a chip that sends nothing ---- */
+
+static void enter_on_air(int64_t now_us)
 {
-    if (is_trial()) {
-        self.taken = 0;
-        self.again_us = LOOP_NEVER;
-        self.again_wait_us = AGAIN_US;
-    } else if (now_us >= self.again_us) {
-        self.again_us = LOOP_NEVER;
-        self.taken = self.most;
-        self.most = MESSAGES_PACK_MAX;
+    char detail[RADIO_DETAIL_SIZE];
+
+    snprintf(detail, sizeof(detail), "%s, in every beacon%s%s", self.config->wifi_iface,
+             self.room.most < MESSAGES_PACK_MAX ? ", shortened: the chip refused more" : "",
+             self.radio->counted ? "; the chip counts them" : "");
+    radio_enter(self.radio, CHANNEL_WIFI, RADIO_ON_AIR, detail, now_us);
+}
+
+static void lose_beacons(enum beacon_verdict verdict, int64_t now_us)
+{
+    static const char *const tried[] = {
+        [REMEDY_SET_ANEW] = "it is told again",
+        [REMEDY_OFF_AND_ON] = "it is switched off and on",
+        [REMEDY_DRIVER] = "its driver is to be bound anew",
+    };
+    char detail[RADIO_DETAIL_SIZE];
+
+    self.remedy = self.remedy == REMEDY_DRIVER ? REMEDY_SET_ANEW : self.remedy + 1;
+    self.expected_us = now_us + (self.remedy == REMEDY_DRIVER ? SILENT_AGAIN_US : 0);
+    self.pending = true;
+    self.to_clear =
+        self.to_clear || self.remedy == REMEDY_SET_ANEW; /* the same one would change nothing */
+    self.to_switch = self.remedy == REMEDY_OFF_AND_ON;
+    self.radio->given_up = self.radio->given_up || self.remedy == REMEDY_DRIVER;
+    self.radio->failures++;
+    snprintf(detail, sizeof(detail), "hostapd says OK, and %s; %s",
+             verdict == BEACONS_NO_CARRIER ? "its interface is down" : "the chip sends no beacon",
+             tried[self.remedy]);
+    radio_enter(self.radio, CHANNEL_WIFI, RADIO_LOST, detail, now_us);
+}
+
+static void find_beacons_again(void)
+{
+    self.remedy = REMEDY_NONE;
+    self.radio->given_up = false;
+    self.pending = true;
+}
+
+static void on_look(void *context, int64_t now_us)
+{
+    enum beacon_verdict verdict = beacon_evidence_look(&self.evidence, self.expected_us, now_us);
+    bool settled = now_us - self.expected_us > BEACON_SILENCE_US + 2 * BEACON_COUNT_EVERY_US;
+
+    (void)context;
+    loop_arm(&self.look, now_us + (self.remedy == REMEDY_NONE ? BEACON_COUNT_EVERY_US : SOON_US));
+    self.radio->counted = verdict == BEACONS_SENT;
+    if (!self.enabled || self.newest.length == 0) {
+        return; /* none is to be expected */
     }
+    if (verdict == BEACONS_NOT_SENT || verdict == BEACONS_NO_CARRIER) {
+        lose_beacons(verdict, now_us);
+    } else if (self.remedy != REMEDY_NONE && (verdict == BEACONS_SENT || settled)) {
+        find_beacons_again();
+    } else if (self.radio->state == RADIO_ON_AIR) {
+        enter_on_air(now_us); /* how it is known may have changed */
+    }
+    advance(now_us);
 }
 
 /* ---- what was answered ---- */
@@ -258,7 +326,10 @@ static void take_status(const char *reply, int64_t now_us)
     }
     self.refused = false;
     if (enabled) {
-        self.pending = self.pending || !self.enabled; /* it may have forgotten */
+        if (!self.enabled) {
+            self.pending = true; /* it may have forgotten */
+            self.expected_us = now_us;
+        }
         if (!self.pending && self.radio->state == RADIO_ON_AIR) {
             radio_confirmed(self.radio, now_us); /* unchanged content is not given again */
         }
@@ -288,27 +359,27 @@ static void take_refusal(const char *what, const char *reply, int64_t now_us)
 static void take_refused_update(const char *reply, int64_t now_us)
 {
     self.refused = true;
-    if (is_trial()) { /* what was taken before is given again at once */
+    if (beacon_room_is_trial(
+            &self.room,
+            messages_in(&self.given))) { /* what was taken before is given again at once */
         self.pending = true;
         self.status_us = now_us;
         return;
     }
     take_refusal("UPDATE_BEACON", reply, now_us);
-    self.refusals++;
     self.allowed_us = now_us; /* whole once more, or shorter */
 }
 
 static void take_success(int64_t now_us)
 {
-    char detail[RADIO_DETAIL_SIZE];
-
     retry_reset(&self.retry);
-    self.refusals = 0;
     self.fresh = self.pending; /* by another one, meanwhile */
-    try_more(now_us);
-    snprintf(detail, sizeof(detail), "%s, in every beacon%s", self.config->wifi_iface,
-             self.most < MESSAGES_PACK_MAX ? ", shortened: the chip refused more" : "");
-    radio_enter(self.radio, CHANNEL_WIFI, RADIO_ON_AIR, detail, now_us);
+    self.taken = self.given;
+    beacon_room_taken(&self.room, messages_in(&self.given), now_us);
+    if (self.remedy != REMEDY_NONE) {
+        return; /* it said so before */
+    }
+    enter_on_air(now_us);
     if (radio_accepted(self.radio, CHANNEL_WIFI, now_us) || !self.pending) {
         radio_confirmed(self.radio, now_us);
     }
@@ -323,10 +394,18 @@ static void on_reply(void *context, const char *reply, int64_t now_us)
     self.request = REQUEST_NONE;
     if (answered == REQUEST_STATUS) {
         take_status(reply, now_us);
+    } else if (answered == REQUEST_BACK_SET) {
+        request(REQUEST_BACK_UPDATE, "UPDATE_BEACON", now_us);
+    } else if (answered == REQUEST_BACK_UPDATE) {
+        clear(now_us); /* also after a "FAIL" */
     } else if (answered == REQUEST_CLEAR_SET) {
         request(REQUEST_CLEAR_UPDATE, "UPDATE_BEACON", now_us);
     } else if (answered == REQUEST_CLEAR_UPDATE) {
-        self.to_clear = false; /* also by a "FAIL" */
+        self.to_clear = false;
+    } else if (answered == REQUEST_DISABLE) {
+        switch_interface(REQUEST_ENABLE, "ENABLE", now_us);
+    } else if (answered == REQUEST_ENABLE) {
+        self.status_us = now_us;
     } else if (!ok && answered == REQUEST_SET) {
         take_refusal("SET vendor_elements", reply, now_us);
     } else if (!ok) {
@@ -358,7 +437,7 @@ static void open_control(int64_t now_us)
         radio_enter(self.radio, CHANNEL_WIFI, RADIO_STARTING, "hostapd is there", now_us);
     }
     self.request = REQUEST_NONE;
-    self.enabled = false;
+    self.enabled = self.to_switch = false;
     forget_refusals(); /* another one may have another chip's driver, and a new start anyway */
     self.status_us = self.allowed_us = now_us;
     advance(now_us);
@@ -379,25 +458,29 @@ void wifi_beacon_start(const struct config *config, struct radio *radio, int64_t
     self.config = config;
     self.radio = radio;
     forget_refusals();
+    self.remedy = REMEDY_NONE;
+    beacon_evidence_init(&self.evidence, config->run_dir, "/sys/class/net", config->wifi_iface);
     hostapd_control_init(&self.control, on_reply, on_lost, NULL);
     loop_timer_init(&self.timer, on_timer, NULL);
+    loop_timer_init(&self.look, on_look, NULL);
     radio_init(radio, config->wifi_beacon_enabled ? RADIO_STARTING : RADIO_DISABLED, now_us);
     if (config->wifi_beacon_enabled) {
+        loop_arm(&self.look, now_us + BEACON_COUNT_EVERY_US);
         open_control(now_us);
     }
 }
 
 void wifi_beacon_set(const uint8_t *element, size_t length, int64_t now_us)
 {
-    if (length > sizeof(self.element) || self.radio->state == RADIO_DISABLED) {
+    if (length > sizeof(self.newest.octets) || self.radio->state == RADIO_DISABLED) {
         return;
     }
-    if (length != self.length || memcmp(element, self.element, length) != 0) {
+    if (length != self.newest.length || memcmp(element, self.newest.octets, length) != 0) {
         if (wifi_beacon_waits()) {
             radio_replaced(self.radio);
         }
-        memcpy(self.element, element, length);
-        self.length = length;
+        memcpy(self.newest.octets, element, length);
+        self.newest.length = length;
         self.pending = self.fresh = true;
     }
     advance(now_us);
@@ -405,7 +488,7 @@ void wifi_beacon_set(const uint8_t *element, size_t length, int64_t now_us)
 
 unsigned wifi_beacon_most(void)
 {
-    return self.most;
+    return self.room.most;
 }
 
 bool wifi_beacon_waits(void)
@@ -419,4 +502,5 @@ void wifi_beacon_stop(void)
     hostapd_control_tell(&self.control, "UPDATE_BEACON");
     hostapd_control_close(&self.control);
     loop_arm(&self.timer, LOOP_NEVER);
+    loop_arm(&self.look, LOOP_NEVER);
 }

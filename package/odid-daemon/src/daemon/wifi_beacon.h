@@ -2,8 +2,9 @@
  * The pack in hostapd's beacons: SET vendor_elements, then UPDATE_BEACON (both
  * are needed), each reply checked. Notices a hostapd that is gone, hangs or
  * has its interface disabled, and resumes by itself. Where the chip refuses an
- * element, a shorter one goes out instead of none; from time to time all is
- * tried again.
+ * element, a shorter one goes out instead of none (beacon_room). Where hostapd
+ * says OK and no beacon goes out (radio/beacon_evidence), it is off the air, is
+ * given the element anew, switched off and on, and then left to its driver.
  */
 #ifndef ODID_WIFI_BEACON_H
 #define ODID_WIFI_BEACON_H

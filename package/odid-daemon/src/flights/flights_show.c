@@ -230,7 +230,7 @@ static void print_detail_channel(FILE *out, const struct recorder_flight *record
                 flight_share(record, channel), gaps, gaps == 1 ? "" : "s", longest,
                 record->open_gap_us[channel] > 0 ? ", one unfinished" : "");
     }
-    fputc('\n', out);
+    fputs(totals->confirmed ? "; by its chip's own count\n" : "\n", out);
 }
 
 /* For how long it was armed, or that it isn't known. */
@@ -311,6 +311,7 @@ static struct json_object *channel_json(const struct recorder_flight *record, en
     bool counts = required && record->totals.armed_us > 0;
 
     json_object_object_add(object, "required", json_object_new_boolean(required));
+    json_object_object_add(object, "confirmed", json_object_new_boolean(totals->confirmed));
     add_seconds(object, "first_broadcast_s", totals->first_us);
     add_seconds(object, "armed_on_air_s",
                 counts ? record->totals.armed_us - flight_silent_us(record, channel) : INT64_MIN);

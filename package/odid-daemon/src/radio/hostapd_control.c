@@ -220,6 +220,13 @@ int hostapd_control_request(struct hostapd_control *control, const char *request
     return 0;
 }
 
+void hostapd_control_wait(struct hostapd_control *control, int64_t until_us)
+{
+    if (control->waiting) {
+        loop_arm(&control->timeout, until_us);
+    }
+}
+
 void hostapd_control_tell(struct hostapd_control *control, const char *request)
 {
     int result = control->watch.fd < 0 ? 0 : send_request(control->watch.fd, request);

@@ -55,6 +55,9 @@ void hostapd_control_close(struct hostapd_control *control);
  * passed over. */
 int hostapd_control_request(struct hostapd_control *control, const char *request, int64_t now_us);
 
+/* The reply that is awaited may take until then. */
+void hostapd_control_wait(struct hostapd_control *control, int64_t until_us);
+
 /* Sends without awaiting an answer, whatever else is awaited: for the orderly end. */
 void hostapd_control_tell(struct hostapd_control *control, const char *request);
 

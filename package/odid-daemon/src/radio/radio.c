@@ -68,6 +68,11 @@ void radio_enter(struct radio *radio, enum channel channel, enum radio_state sta
     }
 }
 
+const char *radio_known(const struct radio *radio)
+{
+    return radio->counted ? "confirmed" : "set";
+}
+
 void radio_replaced(struct radio *radio)
 {
     radio->replaced += radio->state == RADIO_ON_AIR ? 1 : 0;

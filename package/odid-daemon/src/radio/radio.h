@@ -26,8 +26,9 @@ enum radio_state {
 #define RADIO_PAUSE_US 1500000
 /* Then nothing of what is to be said goes out in time. */
 #define RADIO_STALE_US 2500000
-/* Within that hostapd was started again, if it hung. */
-#define RADIO_STUCK_US 10000000
+/* Within that hostapd was started again, if it hung or its interface stayed down, and was on the
+ * air. */
+#define RADIO_STUCK_US 15000000
 /* One message each 400 ms, and the fourth has its turn within the 3 s that it may take; all of them
  * in a pack, and each has Location's second. */
 #define RADIO_ONE_IN_TIME_US 400000
@@ -44,6 +45,7 @@ struct radio {
     unsigned starts;                /* times it came on air */
     bool was_on_air;                /* once since power-on, if by a daemon before this one */
     bool given_up;                  /* all was tried that a daemon can */
+    bool counted;                   /* the radio itself counts what it sends */
     unsigned repairs;               /* foreign commands undone */
     unsigned failures;              /* errors and time-outs */
     char detail[RADIO_DETAIL_SIZE]; /* the last error, or how it transmits; plain words */
@@ -58,6 +60,9 @@ void radio_init(struct radio *radio, enum radio_state state, int64_t now_us);
 /* Enters a state and logs the change once. detail may be NULL: keep the old one. */
 void radio_enter(struct radio *radio, enum channel channel, enum radio_state state,
                  const char *detail, int64_t now_us);
+
+/* How it is known that it transmits: "set", by who was told to; "confirmed", by the chip itself. */
+const char *radio_known(const struct radio *radio);
 
 /* A payload was made while an older one still waited for the radio. */
 void radio_replaced(struct radio *radio);

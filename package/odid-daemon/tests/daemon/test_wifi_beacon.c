@@ -8,10 +8,15 @@
 
 #include "simulated_time.h"
 
+#include <inttypes.h>
+#include <sys/stat.h>
+
+#include "base/whole_file.h"
 #include "daemon/messages.h"
 #include "daemon/wifi_beacon.h"
 #include "fake_hostapd.h"
 #include "loop_until.h"
+#include "radio/beacon_evidence.h"
 
 static struct fake_hostapd fake;
 static struct config config;
@@ -40,6 +45,7 @@ static void start(void)
     config.wifi_beacon_enabled = true;
     snprintf(config.wifi_iface, sizeof(config.wifi_iface), "wlan0");
     snprintf(config.hostapd_dir, sizeof(config.hostapd_dir), "%s", fake.directory);
+    snprintf(config.run_dir, sizeof(config.run_dir), "%s", fake.directory);
     wifi_beacon_start(&config, &radio, loop_now_us());
     set(++counter);
 }
@@ -186,7 +192,7 @@ static void a_disabled_interface_is_down_and_gets_the_element_again(void **state
     start();
     assert_true(loop_until(it_is_in_the_beacon, 500));
     fake.disabled = true;
-    memset(fake.beacon, 0, sizeof(fake.beacon));
+    fake_hostapd_forget(&fake);
     assert_true(loop_until(it_is_down, 1200));
     assert_non_null(strstr(radio.detail, "DISABLED"));
     fake.sets = 0;
@@ -355,7 +361,7 @@ static void what_was_refused_twice_goes_out_whole_later(void **state)
     (void)state;
     start_slots();
     assert_true(loop_until(all_is_heard, 600));
-    fake.refuses = 2;
+    fake.refuses = 3; /* the one that is given back, too */
     assert_true(loop_until(it_was_refused, 300));
     assert_true(loop_until(four_are_heard, 600));
     assert_true(loop_until(all_is_heard, 10300));
@@ -401,7 +407,6 @@ static void another_hostapd_is_given_all(void **state)
     assert_true(loop_until(four_are_heard, 600));
     fake_hostapd_die(&fake);
     fake.limit = 0;
-    fake.confused = false;
     assert_true(loop_until(it_is_absent, 3000));
     fake_hostapd_run(&fake);
     assert_true(loop_until(all_is_heard, 1500));
@@ -413,8 +418,179 @@ static void a_hostapd_that_forgot_is_told_again_after_a_while(void **state)
     (void)state;
     start();
     assert_true(loop_until(it_is_in_the_beacon, 500));
-    memset(fake.beacon, 0, sizeof(fake.beacon));
+    fake_hostapd_forget(&fake);
     assert_true(loop_until(it_is_in_the_beacon, 5500));
+}
+
+/* ---- a chip that sends nothing ---- */
+
+/* odid-beacons, and what the chip that it asks makes of beacons. */
+static struct {
+    struct loop_timer timer;
+    uint32_t count;
+    bool says_nothing; /* of how many there were */
+    bool silent;
+    bool by_clear, by_switch; /* that mends it */
+} chip;
+
+static void on_count(void *context, int64_t now_us)
+{
+    char path[80], line[40];
+
+    (void)context;
+    if ((chip.by_clear && fake.clears > 0) || (chip.by_switch && fake.switched == 2)) {
+        chip.silent = false;
+    }
+    chip.count += chip.silent || fake.disabled ? 0 : 5;
+    snprintf(path, sizeof(path), "%s" BEACON_COUNT_FILE, fake.directory);
+    if (chip.says_nothing) {
+        snprintf(line, sizeof(line), "%" PRId64 " -\n", now_us / 1000);
+    } else {
+        snprintf(line, sizeof(line), "%" PRId64 " %" PRIu32 "\n", now_us / 1000, chip.count);
+    }
+    assert_int_equal(whole_file_replace(path, line, strlen(line), 0644), 0);
+    loop_arm(&chip.timer, now_us + BEACON_COUNT_EVERY_US);
+}
+
+static bool it_is_counted(void)
+{
+    return radio.state == RADIO_ON_AIR && radio.counted;
+}
+
+static bool it_is_stuck(void)
+{
+    return radio_stuck(&radio, loop_now_us());
+}
+
+static bool it_is_seen_lost(void)
+{
+    return radio_seen(&radio, loop_now_us()) == RADIO_LOST;
+}
+
+static int set_up_count(void **state)
+{
+    char folder[80];
+
+    set_up(state);
+    memset(&chip, 0, sizeof(chip));
+    snprintf(folder, sizeof(folder), "%s-beacons", fake.directory);
+    mkdir(folder, 0755);
+    loop_timer_init(&chip.timer, on_count, NULL);
+    loop_arm(&chip.timer, loop_now_us());
+    return 0;
+}
+
+static int tear_down_count(void **state)
+{
+    char path[80];
+
+    loop_arm(&chip.timer, LOOP_NEVER);
+    snprintf(path, sizeof(path), "%s" BEACON_COUNT_FILE, fake.directory);
+    unlink(path);
+    *strrchr(path, '/') = '\0';
+    rmdir(path);
+    return tear_down(state);
+}
+
+static void start_counted(void)
+{
+    start_slots();
+    assert_true(loop_until(it_is_counted, 2500));
+    assert_non_null(strstr(radio.detail, "the chip counts them"));
+    assert_string_equal(radio_known(&radio), "confirmed");
+    chip.silent = true;
+}
+
+static void what_the_chip_counts_is_confirmed_by_it(void **state)
+{
+    (void)state;
+    start_counted();
+    chip.silent = false;
+    assert_false(loop_until(never, 30000));
+    assert_int_equal(fake.switched, 0);
+    end_slots();
+}
+
+static void a_chip_that_sends_nothing_is_lost_whatever_hostapd_says(void **state)
+{
+    (void)state;
+    start_counted();
+    assert_true(loop_until(it_is_seen_lost, 3000));
+    assert_non_null(strstr(radio.detail, "the chip sends no beacon"));
+    assert_string_equal(radio_known(&radio), "set");
+    assert_false(loop_until(all_is_heard, 1000)); /* it goes on saying OK */
+    chip.silent = false;
+    assert_true(loop_until(it_is_counted, 1500));
+    end_slots();
+}
+
+static void the_element_set_anew_may_bring_it_back(void **state)
+{
+    (void)state;
+    start_counted();
+    chip.by_clear = true;
+    assert_true(loop_until(it_is_lost, 3000));
+    assert_true(loop_until(it_is_counted, 1500));
+    assert_int_equal(fake.switched, 0);
+    end_slots();
+}
+
+static void then_the_interface_is_switched_off_and_on(void **state)
+{
+    (void)state;
+    start_counted();
+    chip.by_switch = true;
+    assert_true(loop_until(it_is_lost, 3000));
+    assert_true(loop_until(it_is_counted, 4500));
+    assert_int_equal(fake.switched, 2);
+    end_slots();
+}
+
+static void and_then_its_driver_is_to_be_bound_anew(void **state)
+{
+    (void)state;
+    start_counted();
+    assert_true(loop_until(it_is_lost, 3000));
+    assert_true(loop_until(it_is_stuck, 6500));
+    assert_int_equal(fake.switched, 2);
+    fake_hostapd_die(&fake); /* by that */
+    assert_true(loop_until(it_is_absent, 3000));
+    chip.silent = false;
+    fake_hostapd_run(&fake);
+    assert_true(loop_until(it_is_counted, 3000));
+    assert_false(radio.given_up);
+    end_slots();
+}
+
+/* Another chip's driver, or one that never counts: that is no silence. */
+static void a_count_that_never_moved_says_nothing(void **state)
+{
+    (void)state;
+    chip.silent = true;
+    start_slots();
+    assert_true(loop_until(all_is_heard, 600));
+    assert_false(loop_until(it_is_seen_lost, 10000));
+    assert_string_equal(radio_known(&radio), "set");
+    chip.says_nothing = true;
+    assert_false(loop_until(it_is_seen_lost, 10000));
+    end_slots();
+}
+
+static void without_the_count_hostapd_is_believed(void **state)
+{
+    (void)state;
+    start_counted();
+    chip.silent = false;
+    loop_arm(&chip.timer, LOOP_NEVER);
+    assert_false(loop_until(it_is_seen_lost, 10000));
+    assert_string_equal(radio_known(&radio), "set");
+    loop_arm(&chip.timer, loop_now_us());
+    assert_true(loop_until(it_is_counted, 1500));
+    chip.silent = true;
+    assert_true(loop_until(it_is_lost, 3000));
+    loop_arm(&chip.timer, LOOP_NEVER); /* nobody says any more that it is silent */
+    assert_true(loop_until(all_is_heard, 12000));
+    end_slots();
 }
 
 static void the_end_takes_the_element_out_of_the_beacon(void **state)
@@ -432,6 +608,7 @@ static void the_end_takes_the_element_out_of_the_beacon(void **state)
 int main(void)
 {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+#define COUNTED(name) cmocka_unit_test_setup_teardown(name, set_up_count, tear_down_count)
     const struct CMUnitTest tests[] = {
         TEST(an_element_gets_into_the_beacon),
         TEST(an_unchanged_element_is_confirmed),
@@ -453,6 +630,13 @@ int main(void)
         TEST(an_interface_that_is_down_is_no_refusal),
         TEST(another_hostapd_is_given_all),
         TEST(a_hostapd_that_forgot_is_told_again_after_a_while),
+        COUNTED(what_the_chip_counts_is_confirmed_by_it),
+        COUNTED(a_chip_that_sends_nothing_is_lost_whatever_hostapd_says),
+        COUNTED(the_element_set_anew_may_bring_it_back),
+        COUNTED(then_the_interface_is_switched_off_and_on),
+        COUNTED(and_then_its_driver_is_to_be_bound_anew),
+        COUNTED(a_count_that_never_moved_says_nothing),
+        COUNTED(without_the_count_hostapd_is_believed),
         TEST(the_end_takes_the_element_out_of_the_beacon),
     };
 

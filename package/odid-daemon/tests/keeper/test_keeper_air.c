@@ -147,7 +147,7 @@ static void hostapd_sends_no_element_any_more(void **state)
 {
     (void)state;
     snprintf(hostapd.configured, sizeof(hostapd.configured), "dd05fa0bbc0d01");
-    snprintf(hostapd.beacon, sizeof(hostapd.beacon), "dd05fa0bbc0d01");
+    fake_hostapd_has(&hostapd, "dd05fa0bbc0d01");
     with_hostapd();
     take_off(500);
     assert_string_equal(hostapd.beacon, "");
@@ -194,7 +194,7 @@ static void all_radios_are_seen_to_whatever_one_of_them_does(void **state)
     controller.mute = true;
     with_controller();
     with_hostapd();
-    snprintf(hostapd.beacon, sizeof(hostapd.beacon), "dd05fa0bbc0d01");
+    fake_hostapd_has(&hostapd, "dd05fa0bbc0d01");
     take_off(1500);
     assert_string_equal(hostapd.beacon, "");
     assert_string_equal(off, "wlan0");

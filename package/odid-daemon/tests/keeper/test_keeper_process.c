@@ -490,7 +490,7 @@ static void the_payload_of_one_that_does_not_come_back_is_taken_off(void **state
     int64_t start_us;
 
     (void)state;
-    snprintf(hostapd.beacon, sizeof(hostapd.beacon), "dd05fa0bbc0d01");
+    fake_hostapd_has(&hostapd, "dd05fa0bbc0d01");
     start_us = loop_now_us();
     run_keeper("hangs", "0.4", "0.6");
     assert_true(loop_until(element_is_gone, 2000));

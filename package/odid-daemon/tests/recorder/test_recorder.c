@@ -79,6 +79,22 @@ static void a_gap_has_its_true_length(void **state)
     expect_line("\"event\":\"fault_over\",\"what\":\"wifi\",\"seconds\":4.00}");
 }
 
+static void that_a_chip_counted_is_kept(void **state)
+{
+    (void)state;
+    take_off();
+    pass(1);
+    look();
+    assert_false(totals(CHANNEL_WIFI)->confirmed);
+    bench.snapshot.channels[CHANNEL_WIFI].confirmed = true;
+    pass(1);
+    bench.snapshot.channels[CHANNEL_WIFI].confirmed = false;
+    pass(1);
+    look();
+    assert_true(totals(CHANNEL_WIFI)->confirmed);
+    assert_false(totals(CHANNEL_BT4)->confirmed);
+}
+
 static void of_two_gaps_the_longest_counts(void **state)
 {
     (void)state;
@@ -646,6 +662,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(a_flight_without_a_gap),
         TEST(a_gap_has_its_true_length),
+        TEST(that_a_chip_counted_is_kept),
         TEST(of_two_gaps_the_longest_counts),
         TEST(only_the_armed_part_of_a_gap_counts),
         TEST(a_channel_that_never_came_is_silent_from_arming_on),
