@@ -400,6 +400,16 @@ def test_devices_that_do_not_answer_cost_a_second_together(two_autopilots):
     assert "asked" not in happened[[at for at, what in enumerate(happened) if what == "over"][2]:], "one was waited for before another was asked"
 
 
+@pytest.mark.parametrize("action, subsystem", [("add", "usb-serial"), ("bind", "usb-serial"), ("unbind", "usb-serial"), ("change", "tty")])
+def test_a_port_that_is_told_of_again_ends_no_start(two_autopilots, action, subsystem):
+    """A slow board's service hadn't taken the port yet, and began anew with each of the three that the kernel says."""
+    two_autopilots.must("mkdir -p /run/service/mavlink-router/supervise && mkfifo /run/service/mavlink-router/supervise/control")
+    two_autopilots.must(f"ACTION={action} SUBSYSTEM={subsystem} MDEV=ttyUSB0 /lib/odid/device-autopilot")
+    assert two_autopilots.calls() == []
+    two_autopilots.must("ACTION=add SUBSYSTEM=tty MDEV=ttyUSB0 /lib/odid/device-autopilot")
+    assert two_autopilots.calls() == ["sv term mavlink-router", "sv up mavlink-router"]
+
+
 def test_devices_that_answer_cost_no_second(two_autopilots):
     """BusyBox's timeout leaves a process behind that looks each second whether it is needed. An autopilot that was plugged in was
     heard three seconds later, where it had been one."""
