@@ -473,13 +473,16 @@ class Machine:
         """Why what was measured in between says little of the appliance; empty: nothing is known against it."""
         return self.watch.disturbed(from_mono, until_mono)
 
-    def boot_disturbed(self):
-        """The same of the last power-on. The kernel's start is the same work each time, right before ours:
-        where it took long, what came next did too."""
+    def slow(self):
+        """The kernel's start is the same work each time, right before ours: where it took long, what comes next does too."""
         seconds = self.kernel_s()
         if seconds > KERNEL_S:
             return f"this machine was slow: the kernel's own start took {seconds:.2f} s, {KERNEL_S} s at most otherwise"
-        return self.disturbed(self.powered_mono, time.monotonic())
+        return ""
+
+    def boot_disturbed(self):
+        """As `disturbed`, of the last power-on."""
+        return self.slow() or self.disturbed(self.powered_mono, time.monotonic())
 
     # --- the judge ----------------------------------------------------------
 

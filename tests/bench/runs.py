@@ -104,7 +104,7 @@ class Run:
     def disturbed(self, fault):
         """Whether the measuring machine was, during this fault."""
         injected, until = self.windows[fault.name]
-        return self.machine.disturbed(injected.at, until)
+        return self.machine.disturbed(injected.at, until) or self.machine.slow()
 
     def close(self):
         """May be called again."""
