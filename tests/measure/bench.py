@@ -26,6 +26,7 @@ from models import tlog
 from models.flight import write_flight
 
 FOLDER = parts.ROOT / "build/bench"
+WAKE_UP_US = 45  # costs.WAKES': slower machines may take as much longer
 POSITION_HZ = 5
 # T-L4 as published. The study's other scenarios aren't public in detail: their loads are ours, under
 # the study's names.
@@ -140,7 +141,9 @@ def run_bar(table, flights, seconds):
     table.add("hello_world_rss_anon_kib", hello["RssAnon"], None, "a C program that does nothing, here")
     table.add("vm_rss_kib", figures["vm_rss_kib"])
     table.add("hello_world_vm_rss_kib", hello["VmRSS"], None, "the same program")
-    table.add("cpu_ms_per_s", figures["cpu_ms_per_s"], 3)
+    wake_up_us = costs.wake_up_us(FOLDER)
+    table.add("cpu_ms_per_s", figures["cpu_ms_per_s"], 3 * max(1, wake_up_us / WAKE_UP_US),
+              f"a wake-up costs {wake_up_us:.0f} us here, and {WAKE_UP_US} where 3 ms are allowed")
     table.losses("bar20", runs.with_losses(FOLDER / "bar-20ms", 0.5), 2.5, 0.5)
 
     table.say("\nThe same, a controller that takes 100 ms only")

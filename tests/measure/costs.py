@@ -15,6 +15,31 @@ int main(void)
     return pause();
 }
 """
+# Wakes up, and writes twenty lines, as often as a daemon does in some seconds.
+WAKES = """#include <fcntl.h>
+#include <stdio.h>
+#include <time.h>
+#include <unistd.h>
+int main(void)
+{
+    struct timespec pause = {.tv_nsec = 10000000};
+    int null = open("/dev/null", O_WRONLY);
+    unsigned long long spent_ns = 0;
+    char line[128];
+    FILE *schedule;
+
+    for (int i = 0; i < 200; i++) {
+        nanosleep(&pause, NULL);
+        for (int j = 0; j < 20; j++) {
+            if (write(null, line, (size_t)snprintf(line, sizeof(line), "%d %f", i, i * 1.5)) < 0) {
+                return 1;
+            }
+        }
+    }
+    schedule = fopen("/proc/self/schedstat", "r");
+    return schedule == NULL || fscanf(schedule, "%llu", &spent_ns) != 1 || printf("%llu", spent_ns / 200) < 0;
+}
+"""
 LOCATION = 1  # message type, the high nibble of the message's first octet
 MESSAGE_AT = 6  # in legacy advertising data: length, type, UUID, application code, counter
 
@@ -31,11 +56,22 @@ def cpu_ms(pid):
     return int(Path(f"/proc/{pid}/schedstat").read_text().split()[0]) / 1e6
 
 
+def compiled(folder, name, text):
+    source, program = folder / f"{name}.c", folder / name
+    source.write_text(text)
+    subprocess.run(["cc", "-O2", "-o", program, source], check=True)
+    return program
+
+
+def wake_up_us(folder):
+    """What a wake-up with a little work costs a processor of this machine: the median of several times two seconds."""
+    program = compiled(folder, "wakes", WAKES)
+    return statistics.median(int(subprocess.run([program], capture_output=True, check=True).stdout) / 1000 for _ in range(5))
+
+
 def hello_world_kib(folder):
     """The same figures of a C program that does nothing, on this machine."""
-    source, program = folder / "hello.c", folder / "hello"
-    source.write_text(HELLO)
-    subprocess.run(["cc", "-O2", "-o", program, source], check=True)
+    program = compiled(folder, "hello", HELLO)
     with subprocess.Popen([program], stdout=subprocess.PIPE) as process:
         time.sleep(0.3)
         figures = memory_kib(process.pid)
