@@ -66,6 +66,18 @@ def test_all_five_messages_are_heard_of_both(machine):
         assert len({one.address for one in receptions}) == 1
 
 
+def test_the_technician_s_board_test(machine):
+    """All but the temperature, of which this machine has none: that is a failure, and said."""
+    machine.must("(printf '5\\n5\\n-45\\n-50\\nn\\ny\\n' | odidctl board-test; echo ended $?) >/run/board-test.said 2>&1 &")
+    machine.wait_for("the end of odidctl board-test", lambda: "ended" in machine.run("cat /run/board-test.said").output)
+    said = machine.must("cat /run/board-test.said")
+    assert "The report: board-test.txt, on the volume CONFIG." in said and "ended 1" in said, said
+    report = machine.must("mount -t vfat -o ro /dev/disk/odid/config /run/config && cat /run/config/board-test.txt; umount /run/config")
+    assert "4 passed, 1 failed, 0 not seen." in report and "Compute Module 4" in report, report
+    assert "hottest: 0 degrees" in report
+    machine.wait_on_air()
+
+
 def test_a_flight_is_heard_as_it_was_flown(flying):
     out = flying.folder / "judge"
     judge = flying.judge(None, "--expect", ",".join(flying.channels), "--without-time",

@@ -67,8 +67,9 @@ def make_driven(appliance):
 @pytest.fixture
 def watch(appliance):
     """The service, with a clock of ours; it looks fifty times a second."""
-    appliance.change(RUN, ("pause 1", "echo looks >>/calls; usleep 20000"), ("/proc/uptime", "/uptime"), ("usleep 500000", "true"),
+    appliance.change(RUN, ("pause 1", "echo looks >>/calls; usleep 20000"), ("/proc/uptime", "/uptime"),
                      ("kill -TERM 1", "echo restarts >>/calls"))
+    appliance.change("lib/odid/bind-anew", ("usleep 500000", "true"))
     appliance.change("lib/odid/functions", ("read -r uptime _ </proc/uptime", "read -r uptime _ </uptime"))
     appliance.write("run/odid-appliance/update-state.json", '{ "state": "idle" }\n')
     appliance.write("uptime", "100.00 1\n")
@@ -146,9 +147,22 @@ def test_it_is_tried_again_and_less_and_less_often(appliance, make_driven, watch
     say(appliance, "hci0 on-air 5", uptime_s=300)
     say(appliance, "hci0 stuck 0", uptime_s=310)
     assert not driven.asked("bind")
-    say(appliance, "hci0 on-air 61", uptime_s=380)
-    say(appliance, "hci0 stuck 0", uptime_s=381)
+    for uptime_s in (311, 371):
+        say(appliance, "hci0 on-air 5", uptime_s=uptime_s)
+    say(appliance, "hci0 stuck 0", uptime_s=372)
     assert driven.asked("bind")
+
+
+def test_for_how_long_a_radio_works_is_not_the_daemon_s_to_say(appliance, make_driven, watch):
+    """One that was taken over had drivers bound every two seconds, and the board restarted again and again."""
+    driven = make_driven("hci0", *SERIAL)
+    appliance.write("data/odid/restarted-for-hci0", "")
+    watch()
+    for uptime_s in range(100, 112, 3):
+        say(appliance, "hci0 on-air 1000", uptime_s=uptime_s)
+        say(appliance, "hci0 stuck 0", uptime_s=uptime_s + 1)
+    assert len(driven.asked("bind")) == 1
+    assert appliance.exists("data/odid/restarted-for-hci0")
 
 
 @pytest.mark.parametrize("change", ["blocked", "pulled", "never", "off", "name"])
@@ -229,7 +243,8 @@ def test_ten_minutes_on_the_air_allow_another_restart(appliance, make_driven, wa
     make_driven("hci0", *SERIAL)
     appliance.write("data/odid/restarted-for-hci0", "")
     watch()
-    say(appliance, "hci0 on-air 599")
+    for uptime_s in (100, 699):
+        say(appliance, "hci0 on-air 5", uptime_s=uptime_s)
     assert appliance.exists("data/odid/restarted-for-hci0")
-    say(appliance, "hci0 on-air 600")
+    say(appliance, "hci0 on-air 5", uptime_s=700)
     assert not appliance.exists("data/odid/restarted-for-hci0")

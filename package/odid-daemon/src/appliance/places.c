@@ -33,6 +33,7 @@ void places_under(struct places *places, const char *root)
     fill(&places->version, root, PLACES_VERSION);
     fill(&places->boot_id, root, "/proc/sys/kernel/random/boot_id");
     fill(&places->apply, root, "/lib/odid/apply-configuration");
+    fill(&places->board_test, root, "/lib/odid/board-test");
     fill(&places->page, root, "/usr/share/odid-web");
 }
 

@@ -41,7 +41,8 @@ struct places {
     const char *version;  /* of the image, one line */
     const char *boot_id;  /* the kernel's */
     const char *apply;    /* makes a changed configuration count */
-    const char *page;     /* the technician's page */
+    const char *board_test;
+    const char *page; /* the technician's page */
 };
 
 /* Fills in all that isn't named yet, below that folder; "": as on the appliance. For good. */

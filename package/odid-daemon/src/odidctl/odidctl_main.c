@@ -2,11 +2,13 @@
  * odidctl: asks the daemon how it is, and checks, reads and changes the
  * configuration. Each command is in a file odidctl_<command>.c.
  */
+#include <errno.h>
 #include <getopt.h>
 #include <stdio.h>
 #include <string.h>
 #include <strings.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include "appliance/settings.h"
 #include "base/whole_file.h"
@@ -38,6 +40,8 @@ static const char usage[] =
     "  odidctl update cancel             calls off what is being installed\n"
     "  odidctl find-autopilot BAUD SECONDS PORT...\n"
     "                                    on which serial port one speaks; for scripts\n"
+    "  odidctl board-test                tries what only a real board can show, and asks what a\n"
+    "                                    receiver beside it shows; the report goes to CONFIG\n"
     "  odidctl factory-reset             forgets all settings, and takes over what CONFIG has\n"
     "  odidctl --version | --help\n"
     "\n"
@@ -189,6 +193,14 @@ static int run_factory_reset(char *const words[])
     return odidctl_factory_reset(&self.places);
 }
 
+/* A script, which asks whoever is there. */
+static int run_board_test(char *const words[])
+{
+    execl(self.places.board_test, words[0], (char *)NULL);
+    fprintf(stderr, "odidctl: %s: %s\n", self.places.board_test, strerror(errno));
+    return ODIDCTL_NO_ANSWER;
+}
+
 #define WORDS_MAX 12
 
 static const struct command {
@@ -219,6 +231,8 @@ static const struct command {
      "Maintenance is the appliance's; here odidctl set changes settings at any time."},
     {"factory-reset", 1, 1, "factory-reset takes no words", run_factory_reset, false,
      "The factory reset is the appliance's; here apt purge odid forgets the settings."},
+    {"board-test", 1, 1, "board-test takes no words", run_board_test, false,
+     "The board test is the appliance's, for its own board; here odidctl doctor looks around."},
     {"find-autopilot", 4, WORDS_MAX, "find-autopilot needs BAUD, SECONDS and up to 9 PORTs",
      run_find_autopilot, false, NULL},
     {"update", 1, 2, "update takes at most one FILE, URL or DIR, or \"cancel\"", run_update, false,
