@@ -218,6 +218,15 @@ def test_in_a_container_it_says_what_that_keeps_from_it(computer):
     assert code == 0 and "Remedy" not in said
 
 
+def test_the_package_s_own_programs_are_nobody_else_s_and_hide_nobody(computer):
+    for number, name in enumerate(("odid-keeper", "odid-beacons", "hostapd"), 320):
+        computer.add(process(number, name, f"/usr/sbin/{name} wlan0 /run/odid-beacons/count"))
+    assert computer.doctor() == (0, NOBODY)
+    computer.add({**process(400, "python3", "python3 /opt/remote-id/main.py"), **process(500, "odid-daemon", "/opt/old/odid-daemon")})
+    code, said = computer.doctor()
+    assert code != 0 and "process 400" in said and "process 500" in said
+
+
 def test_what_the_kernel_holds_up_costs_one_answer(computer):
     """A FIFO that nobody writes into, in a file's place, is left alone; so is a name that means nothing."""
     computer.add(process(400, "gpsd", "gpsd"))

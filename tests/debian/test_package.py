@@ -11,11 +11,11 @@ from .package import SOURCE, TOP, call
 EXPECTED = {
     "/etc/odid/odid.conf",
     "/lib/systemd/system/odid.service", "/lib/systemd/system/odid-hostapd@.service",
-    "/lib/systemd/system/odid-beacons@.service",
+    "/lib/systemd/system/odid-beacons@.service", "/lib/systemd/system/odid-hostapd-watch@.service",
     "/lib/udev/rules.d/90-odid.rules",
     "/usr/bin/odidctl", "/usr/sbin/odid-daemon", "/usr/sbin/odid-keeper", "/usr/sbin/odid-beacons",
     "/usr/lib/NetworkManager/conf.d/90-odid.conf",
-    "/usr/lib/odid/apply-configuration", "/usr/lib/odid/hostapd-config",
+    "/usr/lib/odid/apply-configuration", "/usr/lib/odid/hostapd-config", "/usr/lib/odid/hostapd-watch",
     "/usr/lib/systemd/system/hostapd.service.d/odid.conf", "/usr/lib/systemd/system/hostapd@.service.d/odid.conf",
     "/usr/lib/sysusers.d/odid.conf",
     "/usr/share/bash-completion/completions/odidctl",
@@ -48,7 +48,7 @@ def test_the_version_is_the_image_s(deb):
 def test_it_asks_for_libraries_of_debian_12_and_for_nothing_of_the_appliance_s(deb):
     depends = {word.split(" ")[0] for word in fields(deb)["Depends"].split(", ")}
     assert depends == {"hostapd", "systemd", "libc6", "libcap-ng0", "libinih1", "libjson-c5", "libnettle8", "libnl-3-200", "libnl-genl-3-200",
-                       "libseccomp2"}
+                       "libseccomp2", "procps"}
     assert "hostapd (>= 2:2.10)" in fields(deb)["Depends"]
 
 
@@ -129,7 +129,7 @@ def test_the_access_point_s_configuration_is_the_appliance_s(unpacked):
 WORDS = {
     "flights": ["flights"], "maintenance": ["maintenance", "on"], "update": ["update"], "import": ["import", "/nowhere"],
     "factory-reset": ["factory-reset"], "password": ["set", "maintenance.password", "abcdefgh1234"],
-    "board": ["set", "board.usb", "gadget"],
+    "board-test": ["board-test"], "board": ["set", "board.usb", "gadget"],
 }
 
 
@@ -195,9 +195,43 @@ def test_whether_it_is_to_be_started_is_found_out_before_it_has_a_folder(unpacke
     assert "\nExecCondition=/usr/lib/odid/hostapd-config %i check\nExecStartPre=/usr/lib/odid/hostapd-config %i\n" in unit
 
 
+def watched(unpacked, tmp_path, answers):
+    """How often hostapd was ended, where it answers so: a letter a second, y or n, or - where it has no socket. Its second is a
+    hundredth here, and the last letter ends it."""
+    tools = tmp_path / "tools"
+    tools.mkdir()
+    (tmp_path / "answers").write_text("\n".join(answers) + "\n")
+    for name, text in {
+            "sleep": f'socket={tmp_path}/wlan0\nread -r now <{tmp_path}/answers || kill $PPID\nsed -i 1d {tmp_path}/answers\n'
+                     f'echo "$now" >{tmp_path}/now\nif [ "$now" = - ]; then rm -f $socket; elif [ ! -e $socket ]; then\n'
+                     'python3 -c "import socket, sys; socket.socket(socket.AF_UNIX).bind(sys.argv[1])" $socket; fi\n',
+            "hostapd_cli": f'read -r now <{tmp_path}/now; [ "$now" = y ] && echo state=ENABLED\n',
+            "pkill": f'echo "$*" >>{tmp_path}/ended\n'}.items():
+        (tools / name).write_text("#!/bin/sh\n" + text)
+        (tools / name).chmod(0o755)
+    script = tmp_path / "hostapd-watch"
+    script.write_text((unpacked / "usr/lib/odid/hostapd-watch").read_text().replace("/run/hostapd/", f"{tmp_path}/"))
+    call("env", f"PATH={tools}:/usr/bin:/bin", f"RUNTIME_DIRECTORY={tmp_path}", "sh", script, "wlan0", check=False)
+    return (tmp_path / "ended").read_text().splitlines() if (tmp_path / "ended").exists() else []
+
+
+@pytest.mark.parametrize("answers, times", [
+    ("yyyyy", 0), ("ynyny", 0), ("ynn", 1), ("ynnnnnn", 1), ("ynnynn", 2),  # once, until the next one has answered
+    ("y-nn", 0), ("n" * 14 + "y", 0), ("n" * 15, 1), ("-" * 30, 0)])
+def test_an_access_point_that_hangs_is_ended(unpacked, tmp_path, answers, times):
+    """Its radio goes on with the last place that it was told, and systemd sees a process that runs."""
+    assert watched(unpacked, tmp_path, answers) == ["-KILL -x -u odid-hostapd hostapd"] * times
+
+
+def test_where_the_settings_are_not_known_the_access_point_is_tried_again(unpacked, tmp_path):
+    """1 would be: there is none to start, until the next power-on."""
+    for said in ({"channel": ""}, {"wifi_beacon_enabled": "", "wifi_iface": "", "country": "", "channel": ""}):
+        assert access_point(unpacked, tmp_path, "wlan0", "check", **said)[0] == 255
+
+
 def test_the_completion_knows_every_command_that_works_here(unpacked):
     usage = call(unpacked / "usr/bin/odidctl", "--help")[1]
-    commands = set(re.findall(r"^  odidctl ([a-z-]+)", usage, re.M)) - {"flights", "maintenance", "update", "import", "factory-reset"}
+    commands = set(re.findall(r"^  odidctl ([a-z-]+)", usage, re.M)) - {"flights", "maintenance", "update", "import", "factory-reset", "board-test"}
     script = ('source "$1"; COMP_WORDS=(odidctl ""); COMP_CWORD=1; _odidctl; printf "%s\\n" "${COMPREPLY[@]}"')
     said = call("bash", "-c", script, "bash", unpacked / "usr/share/bash-completion/completions/odidctl")[1]
     assert set(said.split()) == commands | {"--version", "--help"}

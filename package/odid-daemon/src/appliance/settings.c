@@ -229,6 +229,14 @@ static int say_effect(const struct places *places, struct json_object *before)
     return ODIDCTL_GOOD;
 }
 
+/* The appliance keeps what counts until then (places_config_in_force). */
+static const char *when_else(void)
+{
+    return PLACES_COMPANION
+               ? "when what it concerns is started anew, so at the next power-on or sooner"
+               : "after the next power-on";
+}
+
 /* Returns whether it counts now: 0, or ODIDCTL_HALF_DONE. */
 static int apply(const struct places *places)
 {
@@ -244,7 +252,7 @@ static int apply(const struct places *places)
     }
     why = armed_not_disarmed(places);
     if (why != NULL) {
-        printf("Saved. %s: it takes effect after the next power-on.\n", why);
+        printf("Saved. %s: it takes effect %s.\n", why, when_else());
         return ODIDCTL_GOOD;
     }
     fflush(stdout);
@@ -254,9 +262,8 @@ static int apply(const struct places *places)
         error = errno;
     }
     if (error != 0 || !WIFEXITED(status) || WEXITSTATUS(status) != 0) {
-        fprintf(stderr,
-                "odidctl: saved, but %s failed%s%s: it takes effect after the next power-on.\n",
-                places->apply, error != 0 ? ": " : "", error != 0 ? strerror(error) : "");
+        fprintf(stderr, "odidctl: saved, but %s failed%s%s: it takes effect %s.\n", places->apply,
+                error != 0 ? ": " : "", error != 0 ? strerror(error) : "", when_else());
         json_object_put(before);
         return ODIDCTL_HALF_DONE;
     }

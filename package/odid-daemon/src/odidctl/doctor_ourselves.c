@@ -27,8 +27,9 @@ static bool is_remote_id(const char *words)
 /* This package's. (An access point's configuration is in our folder.) */
 static bool is_ours(const struct doctor_process *process)
 {
-    static const char *const names[] = {"odid-keeper", "odidctl",     "hostapd", "odid-recorder",
-                                        "odid-clock",  "odid-update", "odid-web"};
+    static const char *const names[] = {"odid-keeper",  "odidctl",       "hostapd",
+                                        "odid-beacons", "odid-recorder", "odid-clock",
+                                        "odid-update",  "odid-web"};
 
     for (size_t i = 0; i < sizeof(names) / sizeof(names[0]); i++) {
         if (strcmp(process->name, names[i]) == 0) {
@@ -94,6 +95,7 @@ void doctor_other_daemons(struct doctor *doctor)
 {
     struct starter starter = {.doctor = doctor};
     unsigned daemons = 0;
+    bool told = false;
     char remedy[DOCTOR_PATH_SIZE + 60];
 
     doctor_names(doctor, UNITS, take_unit, &starter);
@@ -114,9 +116,9 @@ void doctor_other_daemons(struct doctor *doctor)
                     "Another Remote ID program runs (%s, process %d): receivers see two aircraft, "
                     "and the two change each other's advertising.",
                     process->command[0] != '\0' ? process->command : process->name, process->pid);
-        return;
+        told = true;
     }
-    if (starter.line > 0) {
+    if (starter.line > 0 && !told) {
         doctor_tell(doctor, starter.where, starter.line, remedy,
                     "A unit of yours starts another Remote ID program.");
     }

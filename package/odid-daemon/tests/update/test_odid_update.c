@@ -699,6 +699,7 @@ static void a_service_runs(const char *name, const char *pid)
 static void slot_b_is_on_trial_with_services(void)
 {
     a_service_runs("hostapd", "120\n");
+    a_service_runs("odid-beacons", "125\n");
     a_service_runs("dropbear", "130\n");
     put(CONFIGURATION, "");
     put(SSH_KEYS, "ssh-ed25519 AAAA\n");
@@ -707,7 +708,7 @@ static void slot_b_is_on_trial_with_services(void)
 }
 
 /* Between the writing and the restart, or in the trial. */
-static void wifi_is_switched_off_and_hostapd_is_not_asked_for(void **state)
+static void wifi_is_switched_off_and_its_services_are_not_asked_for(void **state)
 {
     for (unsigned restarted = 0; restarted < 2; restarted++) {
         setup(state);
@@ -721,6 +722,7 @@ static void wifi_is_switched_off_and_hostapd_is_not_asked_for(void **state)
         }
         board.wifi = "disabled";
         a_service_runs("hostapd", "");
+        a_service_runs("odid-beacons", "");
         it_is_kept(true);
     }
     setup(state); /* what nobody has switched off is */
@@ -1021,7 +1023,7 @@ int main(void)
                                setup),
         cmocka_unit_test_setup(a_channel_that_ends_with_the_new_version_ends_its_trial, setup),
         cmocka_unit_test_setup(a_channel_that_is_switched_off_is_not_asked_for, setup),
-        cmocka_unit_test_setup(wifi_is_switched_off_and_hostapd_is_not_asked_for, setup),
+        cmocka_unit_test_setup(wifi_is_switched_off_and_its_services_are_not_asked_for, setup),
         cmocka_unit_test_setup(the_keys_are_taken_away_and_ssh_is_not_asked_for, setup),
         cmocka_unit_test_setup(what_is_not_the_version_that_was_offered_is_rolled_back, setup),
         cmocka_unit_test_setup(a_rolled_back_one_is_remembered_where_data_is_full, setup),
