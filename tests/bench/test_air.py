@@ -47,6 +47,22 @@ def test_the_answer_to_a_probe_carries_the_beacon_s_pack(flying):
         assert content in near
 
 
+def known(machine):
+    return (machine.status() or {"channels": {"wifi": {"known": None}}})["channels"]["wifi"]["known"]
+
+
+def test_another_radio_hears_the_beacons_where_one_is_named(grounded):
+    """A third one of mac80211_hwsim's, which nobody uses; the kernel's own nl80211."""
+    assert known(grounded) == "set"
+    grounded.must("odidctl set broadcast.wifi_listener wlan2")
+    grounded.wait_for("that it hears them", lambda: known(grounded) == "heard")
+    assert "another radio hears them" in grounded.status()["channels"]["wifi"]["detail"]
+    grounded.must("ip link set wlan2 down")
+    grounded.wait_for("that it doesn't any more", lambda: known(grounded) == "set")
+    assert grounded.status()["channels"]["wifi"]["state"] == "on air"
+    grounded.must('odidctl set broadcast.wifi_listener ""')
+
+
 def test_the_access_point(flying):
     """Channel 6, beacon interval 100 TU, country, WPA2."""
     _, row = next(frames(flying.pcap, BEACON))

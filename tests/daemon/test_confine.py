@@ -106,6 +106,23 @@ def test_what_it_reaches_with_them(family, kind, protocol, error):
 
 
 @of_root
+@pytest.mark.parametrize("family, kind, protocol, error", [
+    ("socket.AF_NETLINK", "SOCK_RAW", 16, 0), ("socket.AF_UNIX", "SOCK_DGRAM", 0, 0),
+    ("socket.AF_NETLINK", "SOCK_RAW", 0, errno.EPERM),  # interfaces, addresses and routes: telemetry comes by one of these
+    ("socket.AF_NETLINK", "SOCK_RAW", 12, errno.EPERM), ("socket.AF_NETLINK", "SOCK_RAW", 15, errno.EPERM),
+    ("socket.AF_PACKET", "SOCK_RAW", 0, errno.EPERM), ("socket.AF_INET", "SOCK_DGRAM", 0, errno.EPERM)])
+def test_who_asks_the_radios_reaches_these_only(family, kind, protocol, error):
+    assert tried(family, kind, protocol, (CONFINE, "-r", "nobody")) == error
+
+
+@of_root
+def test_who_asks_the_radios_has_one_right():
+    status = status_of(CONFINE, "-r", "nobody")
+    assert {status[name] for name in ("CapInh", "CapPrm", "CapEff", "CapAmb")} == {f"{1 << 12:016x}"}
+    assert int(status["CapBnd"], 16) == 0
+
+
+@of_root
 @pytest.mark.parametrize("level, option, size", [
     (263, 5, 16), (263, 13, 16),  # the rings of if_packet.h, for receiving and sending
     ("socket.SOL_SOCKET", 33, 4), ("socket.SOL_SOCKET", 32, 4)])  # buffers beyond what everybody may have

@@ -672,13 +672,31 @@ grep '^odid-beacons /run/odid-beacons' /proc/mounts >/mounted
     appliance.settings(broadcast__wifi_iface="wlan1")
     appliance.must("cd /etc/sv/odid-beacons && ./run")
     uid, gid = USERS["odid-beacons"]
-    assert appliance.read("began").splitlines() == ["-u odid-beacons odid-beacons wlan1 /run/odid-beacons/count", f"{uid} {gid} 755", "0"]
+    assert appliance.read("began").splitlines() == ["-r odid-beacons odid-beacons wlan1 /run/odid-beacons/count", f"{uid} {gid} 755", "0"]
     (mounted,) = appliance.read("mounted").splitlines()
     assert "size=16k" in mounted and "nr_inodes=8" in mounted and "noexec" in mounted
     assert appliance.read("sys/fs/cgroup/odid-beacons/memory.max").strip() == str(4 << 20)
     appliance.settings(broadcast__wifi_beacon_enabled="false")
     appliance.must("cd /etc/sv/odid-beacons && ./run")
     assert appliance.calls() == ["sv down odid-beacons"]
+    appliance.write("settings", "")  # nobody answers: tried again
+    assert appliance.run("cd /etc/sv/odid-beacons && ./run").returncode == 1
+
+
+def test_another_radio_that_is_to_listen_is_switched_on(appliance):
+    """When the service begins, and when its adapter comes; and nothing else that has its name."""
+    appliance.write("usr/bin/odid-confine", "#!/bin/sh\necho $* >/began\n")
+    (appliance.root / "usr/bin/odid-confine").chmod(0o755)
+    appliance.settings(broadcast__wifi_listener="wlan1")
+    appliance.change("etc/sv/odid-beacons/run", ("ip link", "/usr/bin/ip link"))
+    appliance.change("lib/odid/device-network", ('	ip link set "$MDEV" up', '	/usr/bin/ip link set "$MDEV" up'))
+    appliance.must("cd /etc/sv/odid-beacons && ./run")
+    assert appliance.read("began").split()[-1] == "wlan1" and appliance.calls() == ["ip link set wlan1 up"]
+    for radio, times in ((False, 1), (True, 2)):
+        if radio:
+            (appliance.root / "sys/class/net/wlan1/phy80211").mkdir(parents=True)
+        appliance.must("ACTION=add MDEV=wlan1 /lib/odid/device-network; ACTION=remove MDEV=wlan1 /lib/odid/device-network")
+        assert appliance.calls().count("ip link set wlan1 up") == times
 
 
 def test_what_mdev_starts_makes_nothing_that_everybody_writes(appliance):
@@ -1783,8 +1801,8 @@ def with_config(appliance):
     os.mknod(appliance.root / "dev/disk/odid/config", 0o60600, os.makedev(7, 200))
     appliance.write("usr/bin/fsync", NOTES)             # which Debian's BusyBox lacks
     (appliance.root / "usr/bin/fsync").chmod(0o755)
-    script = appliance.read("etc/init.d/S40config")
-    appliance.write("etc/init.d/S40config", re.sub(r"mount -t vfat.*|umount .*", "true", script))
+    for path in ("etc/init.d/S40config", "lib/odid/functions"):
+        appliance.write(path, re.sub(r"mount -t vfat.*|umount .*", "true", appliance.read(path)))
     return appliance
 
 

@@ -272,10 +272,20 @@ def test_an_element_that_the_chip_refuses_for_once_is_given_again(make_flight, t
     assert longest_gap_s(heard_by_wifi(flight, "self_id")) < without_self_id_s
 
 
-@pytest.mark.parametrize("messages, kinds", [(4, {"location", "basic_id", "system", "operator_id"}), (3, {"location", "basic_id", "operator_id"}),
+def test_a_hostapd_that_somebody_switched_off_is_switched_on(make_flight):
+    flight = make_flight()
+    flight.at(AT_S, flight.hostapd.answer, "DISABLE")
+    flight.fly(FLIGHT_S)
+    assert longest_gap_s(heard_by_wifi(flight, "location")) < 2.5
+    assert [said["state"] for at_s, said in wifi_said(flight)][-1] == "on air"
+
+
+@pytest.mark.parametrize("messages, kinds", [(4, {"location", "basic_id", "system", "operator_id"}),
+                                             (3, {"location", "basic_id", "system", "operator_id", "self_id"}),
                                              (1, {"location", "basic_id", "system", "operator_id", "self_id"})])
 def test_a_chip_without_room_for_all_messages_has_those_that_matter_most(make_flight, messages, kinds):
-    """And where there is room for one only, each in turn. Trying more again and again costs hardly a beacon."""
+    """And where these have no room, each in turn: three were without the operator's place for a whole flight, and good to arm.
+    Trying more again and again costs hardly a beacon."""
     flight = make_flight()
     flight.at(AT_S, flight.hostapd.order, "limit", str(10 + 25 * messages))
     flight.fly(FLIGHT_S)

@@ -23,7 +23,7 @@ struct fake_hostapd {
     socklen_t client_size;
     bool hangs, talks; /* no replies; events before each reply */
     bool passes;       /* a descriptor with each reply */
-    bool disabled;
+    bool disabled, cannot_enable;
     const char *set_reply, *update_reply;
     size_t limit;     /* longer elements are refused, in octets; 0: none is */
     unsigned refuses; /* so many updates */
@@ -146,9 +146,9 @@ static const char *fake_obey_hostapd(struct fake_hostapd *fake, const char *requ
     }
     if (strcmp(request, "DISABLE") == 0 || strcmp(request, "ENABLE") == 0) {
         fake->switched++;
-        fake->disabled = request[0] == 'D';
+        fake->disabled = request[0] == 'D' || fake->cannot_enable;
         fake_hostapd_forget(fake);
-        return "OK\n";
+        return request[0] == 'E' && fake->disabled ? "FAIL\n" : "OK\n";
     }
     return "UNKNOWN COMMAND\n";
 }

@@ -65,6 +65,7 @@ static void require_ranges(const struct config *config)
     require_text(config->device, sizeof(config->device));
     require_text(config->udp_address, sizeof(config->udp_address));
     require_text(config->wifi_iface, sizeof(config->wifi_iface));
+    require_text(config->wifi_listener, sizeof(config->wifi_listener));
     require_text(config->hostapd_dir, sizeof(config->hostapd_dir));
     require_text(config->bt_adapter, sizeof(config->bt_adapter));
     require_text(config->bt5_adapter, sizeof(config->bt5_adapter));

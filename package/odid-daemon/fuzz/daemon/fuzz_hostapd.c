@@ -239,6 +239,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     self.request = REQUEST_NONE;
     self.enabled = self.pending = false;
     self.newest.length = 0;
+    self.enable_us = LOOP_NEVER;
     retry_reset(&self.retry);
     begin();
     wifi_beacon_start(&config, &radio, loop_now_us());

@@ -64,6 +64,7 @@ struct config {
     /* [broadcast] */
     bool bt4_enabled, bt5_enabled, wifi_beacon_enabled;
     char wifi_iface[16];
+    char wifi_listener[16]; /* another radio's interface, or empty; odid-beacons' */
     char hostapd_dir[CONFIG_PATH_SIZE];
     char bt_adapter[CONFIG_PATH_SIZE];  /* hciN or h4:/dev/ttyX[@baud] */
     char bt5_adapter[CONFIG_PATH_SIZE]; /* a second one for long range; empty: the same */

@@ -46,6 +46,7 @@ const struct config_key config_keys[] = {
     {"broadcast", "bt5_enabled", "true", AT(bt5_enabled), &config_rule_boolean},
     {"broadcast", "wifi_beacon_enabled", "true", AT(wifi_beacon_enabled), &config_rule_boolean},
     {"broadcast", "wifi_iface", "wlan0", AT(wifi_iface), &config_rule_interface},
+    {"broadcast", "wifi_listener", "", AT(wifi_listener), &config_rule_listener},
     {"broadcast", "hostapd_dir", "/run/hostapd", AT(hostapd_dir), &config_rule_directory},
     {"broadcast", "bt_adapter", "hci0", AT(bt_adapter), &config_rule_adapter},
     {"broadcast", "bt5_adapter", "", AT(bt5_adapter), &config_rule_second_adapter},

@@ -124,7 +124,8 @@ extern const struct config_rule config_rule_id, config_rule_operator, config_rul
     config_rule_category, config_rule_class, config_rule_source, config_rule_boolean,
     config_rule_latitude, config_rule_longitude, config_rule_altitude, config_rule_baud,
     config_rule_port, config_rule_address, config_rule_device, config_rule_directory,
-    config_rule_interface, config_rule_adapter, config_rule_second_adapter, config_rule_user;
+    config_rule_interface, config_rule_listener, config_rule_adapter, config_rule_second_adapter,
+    config_rule_user;
 
 /* The appliance's (config_appliance.c) */
 extern const struct config_rule config_rule_autopilot, config_rule_ground_station,

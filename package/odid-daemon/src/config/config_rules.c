@@ -298,6 +298,11 @@ static bool is_second_adapter(const char *text)
     return text[0] == '\0' || hci_name_valid(text);
 }
 
+static bool is_listener(const char *text)
+{
+    return text[0] == '\0' || is_interface(text);
+}
+
 #define TEXT_RULE(bytes, is_valid, text)                                                           \
     {                                                                                              \
         .take = config_text_take, .show = config_text_show, .expected = text, .size = bytes,       \
@@ -310,6 +315,8 @@ const struct config_rule config_rule_directory =
     TEXT_RULE(DIRECTORY_SIZE, is_path, "an absolute path, at most 80 bytes");
 const struct config_rule config_rule_interface =
     TEXT_RULE(16, is_interface, "an interface such as wlan0, at most 15 bytes");
+const struct config_rule config_rule_listener =
+    TEXT_RULE(16, is_listener, "an interface such as wlan1, at most 15 bytes, or \"\"");
 const struct config_rule config_rule_user =
     TEXT_RULE(32, is_user, "a user name such as odid, at most 31 bytes");
 const struct config_rule config_rule_address =

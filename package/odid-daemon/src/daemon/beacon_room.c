@@ -54,7 +54,7 @@ bool beacon_room_refused(struct beacon_room *room, unsigned given, int64_t now_u
     if (given <= 1) {
         return false;
     }
-    room->most = given > 4 ? 4 : given > 3 ? 3 : 1;
+    room->most = given > 4 ? 4 : 1; /* with three there were no System */
     try_again_later(room, now_us);
     return true;
 }

@@ -1,7 +1,8 @@
 /*
  * How many messages go into one vendor element: all that there are, until the chip refuses that.
- * What it refused for once is given whole again, then without Self-ID and Authentication, then
- * with three, and at last one by one. From time to time all is tried again.
+ * What it refused for once is given whole again, then without Self-ID and Authentication, then one
+ * by one: with three each time a message that is needed would be left out for good. From time to
+ * time all is tried again.
  */
 #ifndef ODID_BEACON_ROOM_H
 #define ODID_BEACON_ROOM_H

@@ -29,6 +29,7 @@ static struct {
     struct kept_counters counters, before; /* before: the last payload was built */
     int counters_fd;                       /* < 0: they aren't kept */
     bool location;                         /* is what this slot is for */
+    bool single;                           /* is what the beacon was given */
     bool renewed;                          /* within this slot, by a newer position */
     int64_t until_us;                      /* the next slot */
     int64_t legacy_fix_us, beacon_fix_us;  /* of the positions that were given last */
@@ -109,7 +110,11 @@ static void set_beacon(const struct aircraft_view *view, int64_t now_us)
     }
     if (wifi_beacon_waits()) {
         self.counters.beacon = self.before.beacon;
+        if (self.single) {
+            schedule_withdraw(&self.singles);
+        }
     }
+    self.single = wifi_beacon_most() == 1;
     pack_size = beacon_pack(view, now_us, pack);
     self.beacon_fix_us = view->location.fix_us;
     self.beacon_us = now_us;

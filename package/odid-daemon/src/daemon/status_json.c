@@ -92,7 +92,7 @@ static void add_channels(struct json_object *root, const struct health_input *in
         add_text(object, "title", channel_title(channel));
         add_text(object, "state", radio_state_name(radio_seen(radio, now_us)));
         add_text(object, "detail", radio->detail);
-        add_text(object, "known", radio_known(radio));
+        add_text(object, "known", radio_known_name(radio->known));
         add_bool(object, "required", health_required(input, channel));
         add_bool(object, "stuck", radio_stuck(radio, now_us));
         add_age(object, "since_s", radio_seen_since_us(radio, now_us), now_us);

@@ -20,6 +20,9 @@
 #define REFUSED_US 250000
 /* An interface that is switched off and on takes hostapd, and its chip, so long at most. */
 #define SWITCH_US 5000000
+/* One that is off is switched on after this long, and again and again: that may have failed. */
+#define OFF_US 1000000
+#define ENABLE_EVERY_US 5000000
 /* What brings a silent chip back is tried again after so long: by then its driver was bound anew.
  */
 #define SILENT_AGAIN_US 10000000
@@ -75,21 +78,28 @@ static struct {
     bool refused;       /* and it isn't known yet whether the interface is up */
     bool to_clear;      /* the driver's idea of what is in the beacon may be wrong */
     bool to_switch;     /* the interface, off and on */
+    int64_t enable_us;  /* when it is to be switched on; LOOP_NEVER: it isn't off */
     enum remedy remedy;
     int64_t expected_us; /* beacons with the element, from then on */
 } self;
 
+/* Whoever is switched off waits rightly. */
+static enum radio_state unless_blocked(enum radio_state state)
+{
+    bool hard;
+
+    return rfkill_blocked(RFKILL_WLAN, &hard) ? RADIO_BLOCKED : state;
+}
+
 static void close_and_retry(enum radio_state state, const char *what, int error, int64_t now_us)
 {
     char detail[RADIO_DETAIL_SIZE];
-    bool hard;
 
     snprintf(detail, sizeof(detail), "%s: %s", what,
              error == HOSTAPD_PASSED ? "it passed descriptors" : strerror(-error));
     self.request = REQUEST_NONE;
     hostapd_control_close(&self.control);
-    radio_enter(self.radio, CHANNEL_WIFI,
-                rfkill_blocked(RFKILL_WLAN, &hard) ? RADIO_BLOCKED : state, detail, now_us);
+    radio_enter(self.radio, CHANNEL_WIFI, unless_blocked(state), detail, now_us);
     loop_arm(&self.timer, retry_next(&self.retry, now_us));
 }
 
@@ -190,6 +200,9 @@ static void advance(int64_t now_us)
     if (self.to_switch) {
         self.to_switch = self.enabled = false;
         switch_interface(REQUEST_DISABLE, "DISABLE", now_us);
+    } else if (now_us >= self.enable_us) {
+        self.enable_us = now_us + ENABLE_EVERY_US;
+        switch_interface(REQUEST_ENABLE, "ENABLE", now_us);
     } else if (now_us >= self.status_us) {
         self.status_us = now_us + (self.enabled ? STATUS_EVERY_US : STATUS_SOON_US);
         request(REQUEST_STATUS, "STATUS", now_us);
@@ -241,10 +254,12 @@ static void forget_refusals(void)
  */
 static void take_less(int64_t now_us)
 {
+    bool more = beacon_room_refused(&self.room, messages_in(&self.given), now_us);
+
     self.to_clear = true;
-    if (!beacon_room_refused(&self.room, messages_in(&self.given), now_us)) {
-        self.allowed_us = now_us + REFUSED_US; /* there is nothing less */
-    } else if (messages_in(&self.newest) > self.room.most) {
+    /* What is given whole once more is so when the cause may be over. */
+    self.allowed_us = now_us + (more && self.room.refusals != 1 ? 0 : REFUSED_US);
+    if (messages_in(&self.newest) > self.room.most) {
         self.newest.length = 0; /* a shorter one takes its place, and its counter */
     }
 }
@@ -253,11 +268,16 @@ static void take_less(int64_t now_us)
 
 static void enter_on_air(int64_t now_us)
 {
+    static const char *const by_whom[] = {
+        [RADIO_SET] = "",
+        [RADIO_COUNTED] = "; the chip counts them",
+        [RADIO_HEARD] = "; another radio hears them",
+    };
     char detail[RADIO_DETAIL_SIZE];
 
     snprintf(detail, sizeof(detail), "%s, in every beacon%s%s", self.config->wifi_iface,
              self.room.most < MESSAGES_PACK_MAX ? ", shortened: the chip refused more" : "",
-             self.radio->counted ? "; the chip counts them" : "");
+             by_whom[self.radio->known]);
     radio_enter(self.radio, CHANNEL_WIFI, RADIO_ON_AIR, detail, now_us);
 }
 
@@ -284,6 +304,15 @@ static void lose_beacons(enum beacon_verdict verdict, int64_t now_us)
     radio_enter(self.radio, CHANNEL_WIFI, RADIO_LOST, detail, now_us);
 }
 
+/* hostapd takes no notice of that. */
+static void wait_for_switch(int64_t now_us)
+{
+    self.remedy = REMEDY_NONE;
+    self.expected_us = now_us;
+    self.pending = true;
+    radio_enter(self.radio, CHANNEL_WIFI, RADIO_BLOCKED, "its radio is switched off", now_us);
+}
+
 static void find_beacons_again(void)
 {
     self.remedy = REMEDY_NONE;
@@ -298,12 +327,18 @@ static void on_look(void *context, int64_t now_us)
 
     (void)context;
     loop_arm(&self.look, now_us + (self.remedy == REMEDY_NONE ? BEACON_COUNT_EVERY_US : SOON_US));
-    self.radio->counted = verdict == BEACONS_SENT;
+    self.radio->known = beacon_evidence_heard(&self.evidence, now_us) ? RADIO_HEARD
+                        : verdict == BEACONS_SENT                     ? RADIO_COUNTED
+                                                                      : RADIO_SET;
     if (!self.enabled || self.newest.length == 0) {
         return; /* none is to be expected */
     }
     if (verdict == BEACONS_NOT_SENT || verdict == BEACONS_NO_CARRIER) {
-        lose_beacons(verdict, now_us);
+        if (unless_blocked(RADIO_LOST) == RADIO_BLOCKED) {
+            wait_for_switch(now_us);
+        } else {
+            lose_beacons(verdict, now_us);
+        }
     } else if (self.remedy != REMEDY_NONE && (verdict == BEACONS_SENT || settled)) {
         find_beacons_again();
     } else if (self.radio->state == RADIO_ON_AIR) {
@@ -314,14 +349,27 @@ static void on_look(void *context, int64_t now_us)
 
 /* ---- what was answered ---- */
 
+/* Whoever did that, ourselves with what came between, or another program. */
+static void look_whether_off(const char *state, int64_t now_us)
+{
+    if (strcmp(state, "DISABLED") != 0) {
+        self.enable_us = LOOP_NEVER;
+    } else if (self.enable_us == LOOP_NEVER) {
+        self.enable_us = now_us + OFF_US;
+    }
+}
+
 static void take_status(const char *reply, int64_t now_us)
 {
     char detail[RADIO_DETAIL_SIZE], state[32];
-    bool hard, enabled;
+    bool enabled;
 
     find_state(reply, state);
     enabled = strcmp(state, "ENABLED") == 0;
-    if (enabled && self.refused) {
+    look_whether_off(state, now_us);
+    /* hostapd says so also where the kernel has its interface down, which is no word of the chip's.
+     */
+    if (enabled && self.refused && !beacon_evidence_is_down(&self.evidence, now_us)) {
         take_less(now_us);
     }
     self.refused = false;
@@ -336,9 +384,7 @@ static void take_status(const char *reply, int64_t now_us)
     } else {
         snprintf(detail, sizeof(detail), "hostapd's state of %s: %s", self.config->wifi_iface,
                  state[0] != '\0' ? state : "unknown");
-        radio_enter(self.radio, CHANNEL_WIFI,
-                    rfkill_blocked(RFKILL_WLAN, &hard) ? RADIO_BLOCKED : RADIO_DOWN, detail,
-                    now_us);
+        radio_enter(self.radio, CHANNEL_WIFI, unless_blocked(RADIO_DOWN), detail, now_us);
     }
     self.enabled = enabled;
 }
@@ -352,7 +398,7 @@ static void take_refusal(const char *what, const char *reply, int64_t now_us)
     self.status_us = now_us; /* most likely its interface went down */
     snprintf(detail, sizeof(detail), "hostapd answered \"%.20s\" to %s", reply, what);
     self.radio->failures++;
-    radio_enter(self.radio, CHANNEL_WIFI, RADIO_LOST, detail, now_us);
+    radio_enter(self.radio, CHANNEL_WIFI, unless_blocked(RADIO_LOST), detail, now_us);
 }
 
 /* The driver's word, or the chip's. */
@@ -367,7 +413,6 @@ static void take_refused_update(const char *reply, int64_t now_us)
         return;
     }
     take_refusal("UPDATE_BEACON", reply, now_us);
-    self.allowed_us = now_us; /* whole once more, or shorter */
 }
 
 static void take_success(int64_t now_us)
@@ -406,6 +451,7 @@ static void on_reply(void *context, const char *reply, int64_t now_us)
         switch_interface(REQUEST_ENABLE, "ENABLE", now_us);
     } else if (answered == REQUEST_ENABLE) {
         self.status_us = now_us;
+        beacon_room_forget(&self.room); /* its driver has begun anew */
     } else if (!ok && answered == REQUEST_SET) {
         take_refusal("SET vendor_elements", reply, now_us);
     } else if (!ok) {
@@ -438,6 +484,7 @@ static void open_control(int64_t now_us)
     }
     self.request = REQUEST_NONE;
     self.enabled = self.to_switch = false;
+    self.enable_us = LOOP_NEVER;
     forget_refusals(); /* another one may have another chip's driver, and a new start anyway */
     self.status_us = self.allowed_us = now_us;
     advance(now_us);

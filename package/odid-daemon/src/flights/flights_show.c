@@ -212,6 +212,11 @@ static void print_detail_channel(FILE *out, const struct recorder_flight *record
                                  enum channel channel)
 {
     const struct recorder_channel_totals *totals = &record->totals.channels[channel];
+    static const char *const by_whom[] = {
+        [RADIO_SET] = "",
+        [RADIO_COUNTED] = "; by its chip's own count",
+        [RADIO_HEARD] = "; heard by another radio",
+    };
     unsigned gaps = totals->gaps + (record->open_gap_us[channel] > 0);
     char first[CELL_SIZE], longest[CELL_SIZE];
 
@@ -230,7 +235,7 @@ static void print_detail_channel(FILE *out, const struct recorder_flight *record
                 flight_share(record, channel), gaps, gaps == 1 ? "" : "s", longest,
                 record->open_gap_us[channel] > 0 ? ", one unfinished" : "");
     }
-    fputs(totals->confirmed ? "; by its chip's own count\n" : "\n", out);
+    fprintf(out, "%s\n", by_whom[totals->known]);
 }
 
 /* For how long it was armed, or that it isn't known. */
@@ -311,7 +316,8 @@ static struct json_object *channel_json(const struct recorder_flight *record, en
     bool counts = required && record->totals.armed_us > 0;
 
     json_object_object_add(object, "required", json_object_new_boolean(required));
-    json_object_object_add(object, "confirmed", json_object_new_boolean(totals->confirmed));
+    json_object_object_add(object, "known",
+                           json_object_new_string(radio_known_name(totals->known)));
     add_seconds(object, "first_broadcast_s", totals->first_us);
     add_seconds(object, "armed_on_air_s",
                 counts ? record->totals.armed_us - flight_silent_us(record, channel) : INT64_MIN);

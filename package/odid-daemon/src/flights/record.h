@@ -34,14 +34,14 @@ const char *recorder_kind_name(enum recorder_fault_kind kind);
 
 /* What is summed up; written again and again, so that a power cut loses little. */
 struct recorder_channel_totals {
-    bool required;       /* also one that was on the air, and isn't switched off: it is missed */
-    bool armed_required; /* was so at some time while armed; from then on a flight misses it */
-    bool confirmed;      /* its chip said so at some time, by its own count of what it sends */
-    int64_t first_us;    /* first on the air; INT64_MIN: never */
-    int64_t heard_us;    /* last known to be on the air; INT64_MIN: never */
-    int64_t silent_us;   /* gaps while armed, all together, without an unfinished one */
-    int64_t longest_us;  /* the longest of them */
-    unsigned gaps;       /* their number */
+    bool required;          /* also one that was on the air, and isn't switched off: it is missed */
+    bool armed_required;    /* was so at some time while armed; from then on a flight misses it */
+    enum radio_known known; /* by whom, at best */
+    int64_t first_us;       /* first on the air; INT64_MIN: never */
+    int64_t heard_us;       /* last known to be on the air; INT64_MIN: never */
+    int64_t silent_us;      /* gaps while armed, all together, without an unfinished one */
+    int64_t longest_us;     /* the longest of them */
+    unsigned gaps;          /* their number */
 };
 
 /* What the first word of this power-on was. */

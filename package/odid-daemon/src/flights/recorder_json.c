@@ -39,6 +39,17 @@ bool recorder_json_true(struct json_object *object, const char *path)
     return json_object_is_type(field, json_type_boolean) && json_object_get_boolean(field);
 }
 
+enum radio_known recorder_json_known(struct json_object *channel)
+{
+    const char *name = recorder_json_text(channel, "known", "");
+    enum radio_known known = RADIO_HEARD;
+
+    while (known > RADIO_SET && strcmp(name, radio_known_name(known)) != 0) {
+        known--;
+    }
+    return known;
+}
+
 unsigned recorder_json_count(struct json_object *object, const char *path)
 {
     struct json_object *field = recorder_json_find(object, path);

@@ -6,12 +6,17 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "radio/radio.h"
+
 /* A field by its path, "position.fresh"; NULL when it is null or missing. */
 struct json_object *recorder_json_find(struct json_object *object, const char *path);
 
 const char *recorder_json_text(struct json_object *object, const char *path, const char *otherwise);
 
 bool recorder_json_true(struct json_object *object, const char *path);
+
+/* A channel's "known". */
+enum radio_known recorder_json_known(struct json_object *channel);
 
 /* A count, 0 when unknown. */
 unsigned recorder_json_count(struct json_object *object, const char *path);

@@ -46,7 +46,7 @@ static void take_totals(struct recorder_flight *flight, struct json_object *line
         one->armed_required = recorder_json_find(object, "armed_required") == NULL
                                   ? one->required /* of an earlier version */
                                   : recorder_json_true(object, "armed_required");
-        one->confirmed = recorder_json_true(object, "confirmed");
+        one->known = recorder_json_known(object);
         one->first_us = recorder_json_us(object, "first", INT64_MIN);
         one->heard_us = recorder_json_us(object, "heard", INT64_MIN);
         one->silent_us = recorder_json_us(object, "silent_s", 0);

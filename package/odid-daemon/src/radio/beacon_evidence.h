@@ -2,7 +2,8 @@
  * Whether beacons go out, by what isn't hostapd's word: the interface's operating state, which the
  * kernel knows, and the chip's own count of the beacons that it has sent, which odid-beacons asks
  * for and writes down. Either one tells of silence only where it was seen to tell of beacons
- * before: there are drivers that say nothing, or always the same.
+ * before: there are drivers that say nothing, or always the same. And whether another radio hears
+ * them, which odid-beacons writes down as well; that it doesn't proves nothing.
  */
 #ifndef ODID_BEACON_EVIDENCE_H
 #define ODID_BEACON_EVIDENCE_H
@@ -10,11 +11,17 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* What odid-beacons writes, beside the daemon's run_dir and twice a second: "MILLISECONDS COUNT",
- * CLOCK_MONOTONIC's time when it asked, and "-" where the chip doesn't say. */
+/* What odid-beacons writes, beside the daemon's run_dir and twice a second: "MILLISECONDS COUNT
+ * HEARD", CLOCK_MONOTONIC's time when it asked, and when another radio heard one last; a "-" where
+ * nobody says. */
 #define BEACON_COUNT_FILE "-beacons/count"
 #define BEACON_COUNT_EVERY_US 500000
 
+/* What was heard longer ago than two times of listening isn't any more. */
+#define BEACON_HEARD_US 10000000
+/* There are ten a second. With as many of them it is known that beacons go out; that none do, only
+ * where there is none: what others send may keep some of ours from the air. */
+#define BEACON_COUNTED_PER_S 5
 /* Fifteen beacons, and no count. */
 #define BEACON_SILENCE_US 1500000
 
@@ -25,8 +32,10 @@ struct beacon_evidence {
     int64_t reported_us; /* CLOCK_MONOTONIC: when the count was asked for; INT64_MIN: never */
     bool counts, moves;  /* the chip says how many; and was seen to count */
     uint32_t count;
-    int64_t moved_us, carrier_us; /* when it last did; INT64_MIN: never */
-    bool carrier;                 /* now */
+    int64_t moved_us, sent_us; /* when it last did at all, and by enough; INT64_MIN: never */
+    int64_t carrier_us;        /* when the interface was last up; INT64_MIN: never */
+    int64_t heard_us;          /* by another radio; INT64_MIN: never */
+    bool carrier;              /* now */
 };
 
 /* net: /sys/class/net, but for tests. What is nowhere tells nothing. */
@@ -35,5 +44,9 @@ void beacon_evidence_init(struct beacon_evidence *evidence, const char *run_dir,
 /* since_us: beacons were to be expected from then on. */
 enum beacon_verdict beacon_evidence_look(struct beacon_evidence *evidence, int64_t since_us,
                                          int64_t now_us);
+/* Has the kernel the interface down, that was up before? As of now. */
+bool beacon_evidence_is_down(struct beacon_evidence *evidence, int64_t now_us);
+/* Does another radio hear them? As of the last look. */
+bool beacon_evidence_heard(const struct beacon_evidence *evidence, int64_t now_us);
 
 #endif

@@ -68,9 +68,12 @@ void radio_enter(struct radio *radio, enum channel channel, enum radio_state sta
     }
 }
 
-const char *radio_known(const struct radio *radio)
+const char *radio_known_name(enum radio_known known)
 {
-    return radio->counted ? "confirmed" : "set";
+    static const char *const names[] = {
+        [RADIO_SET] = "set", [RADIO_COUNTED] = "confirmed", [RADIO_HEARD] = "heard"};
+
+    return names[known];
 }
 
 void radio_replaced(struct radio *radio)

@@ -34,6 +34,10 @@ enum radio_state {
 #define RADIO_ONE_IN_TIME_US 400000
 #define RADIO_PACK_IN_TIME_US 1000000
 
+/* By whom it is known that it transmits: by who was told to; by the chip itself, which counts what
+ * it sends; by another radio. */
+enum radio_known { RADIO_SET, RADIO_COUNTED, RADIO_HEARD };
+
 struct radio {
     enum radio_state state;
     int64_t since_us;               /* when this state began */
@@ -45,13 +49,14 @@ struct radio {
     unsigned starts;                /* times it came on air */
     bool was_on_air;                /* once since power-on, if by a daemon before this one */
     bool given_up;                  /* all was tried that a daemon can */
-    bool counted;                   /* the radio itself counts what it sends */
+    enum radio_known known;         /* that it transmits */
     unsigned repairs;               /* foreign commands undone */
     unsigned failures;              /* errors and time-outs */
     char detail[RADIO_DETAIL_SIZE]; /* the last error, or how it transmits; plain words */
 };
 
 const char *radio_state_name(enum radio_state state); /* "on air", "blocked", ... */
+const char *radio_known_name(enum radio_known known); /* "set", "confirmed", "heard" */
 const char *channel_name(enum channel channel);       /* "bt4", "bt5", "wifi": as in figures */
 const char *channel_title(enum channel channel);      /* "Bluetooth 4", ... */
 
@@ -60,9 +65,6 @@ void radio_init(struct radio *radio, enum radio_state state, int64_t now_us);
 /* Enters a state and logs the change once. detail may be NULL: keep the old one. */
 void radio_enter(struct radio *radio, enum channel channel, enum radio_state state,
                  const char *detail, int64_t now_us);
-
-/* How it is known that it transmits: "set", by who was told to; "confirmed", by the chip itself. */
-const char *radio_known(const struct radio *radio);
 
 /* A payload was made while an older one still waited for the radio. */
 void radio_replaced(struct radio *radio);

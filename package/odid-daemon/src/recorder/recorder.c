@@ -145,7 +145,7 @@ static void take_channel(struct recorder *recorder, enum channel channel,
             silent_us > 0 ? "true" : "false");
     }
     totals->heard_us = later(totals->heard_us, status->confirmed_us);
-    totals->confirmed = totals->confirmed || status->confirmed;
+    totals->known = status->known > totals->known ? status->known : totals->known;
 }
 
 /* ---- faults ---- */
@@ -534,10 +534,11 @@ void recorder_say_totals(struct recorder *recorder)
 
         filled += (size_t)snprintf(
             channels + filled, sizeof(channels) - filled,
-            "%s\"%s\":{\"required\":%s,\"armed_required\":%s,%s\"first\":%s,\"heard\":%s,"
-            "\"silent_s\":%.2f,\"longest_gap_s\":%.2f,\"gaps\":%u,\"open_gap_s\":%.2f}",
+            "%s\"%s\":{\"required\":%s,\"armed_required\":%s,\"known\":\"%s\",\"first\":%s,"
+            "\"heard\":%s,\"silent_s\":%.2f,\"longest_gap_s\":%.2f,\"gaps\":%u,\"open_gap_s\":%."
+            "2f}",
             channel == 0 ? "" : ",", channel_name(channel), one->required ? "true" : "false",
-            one->armed_required ? "true" : "false", one->confirmed ? "\"confirmed\":true," : "",
+            one->armed_required ? "true" : "false", radio_known_name(one->known),
             instant(one->first_us, first), instant(one->heard_us, heard),
             duration_s(one->silent_us), duration_s(one->longest_us), one->gaps,
             duration_s(recorder_open_gap_us(recorder, channel)));

@@ -21,7 +21,7 @@
 /* One channel, as the daemon sees it. Instants: INT64_MIN for never. */
 struct recorder_channel_status {
     bool required, on_air;
-    bool confirmed;                /* by its chip's own count */
+    enum radio_known known;        /* by whom, of one that is on the air */
     bool disabled;                 /* by configuration */
     int64_t confirmed_us;          /* last known to transmit the newest content */
     int64_t unbroken_us;           /* since when without a pause */

@@ -34,8 +34,7 @@ static void read_channel(struct recorder_channel_status *out, struct json_object
     out->required = recorder_json_true(channel, "required");
     out->on_air = strcmp(state, "on air") == 0;
     out->disabled = strcmp(state, "disabled") == 0;
-    out->confirmed =
-        out->on_air && strcmp(recorder_json_text(channel, "known", ""), "confirmed") == 0;
+    out->known = out->on_air ? recorder_json_known(channel) : RADIO_SET;
     out->confirmed_us = instant(channel, "confirmed_s", now_us);
     out->unbroken_us = instant(channel, "unbroken_s", now_us);
     if (out->confirmed_us == INT64_MIN || out->unbroken_us == INT64_MIN) {

@@ -16,6 +16,7 @@
 #include "daemon/wifi_beacon.h"
 #include "fake_hostapd.h"
 #include "loop_until.h"
+#include "own_mounts.h"
 #include "radio/beacon_evidence.h"
 
 static struct fake_hostapd fake;
@@ -399,6 +400,67 @@ static void an_interface_that_is_down_is_no_refusal(void **state)
     end_slots();
 }
 
+#define NET "/sys/class/net"
+
+static void the_kernel_has_it(const char *state)
+{
+    assert_int_equal(whole_file_replace(NET "/wlan0/operstate", state, strlen(state), 0644), 0);
+}
+
+/* hostapd goes on saying ENABLED. It was taken for a chip that has no room, twice within ten
+ * milliseconds, and a shorter pack was in the beacons for half a minute. */
+static void nor_is_one_that_the_kernel_has_down(void **state)
+{
+    (void)state;
+    if (!own_mounts() || !mount_small_disk(NET, "64k") || mkdir(NET "/wlan0", 0755) < 0) {
+        skip();
+    }
+    the_kernel_has_it("up\n");
+    start_slots();
+    assert_true(loop_until(all_is_heard, 600));
+    run_ms(1000);
+    the_kernel_has_it("down\n");
+    fake.update_reply = "FAIL\n";
+    run_ms(1000);
+    assert_int_equal(radio.state, RADIO_LOST);
+    the_kernel_has_it("up\n");
+    fake.update_reply = "OK\n";
+    assert_true(loop_until(all_is_heard, 600));
+    assert_int_equal(wifi_beacon_most(), MESSAGES_PACK_MAX);
+    end_slots();
+    assert_int_equal(umount(NET), 0);
+}
+
+/* Whatever is a moment ago gets a moment: both within one were no two refusals. */
+static void two_refusals_in_a_row_lie_apart(void **state)
+{
+    (void)state;
+    start_slots();
+    assert_true(loop_until(all_is_heard, 600));
+    fake.update_reply = "FAIL\n";
+    run_ms(200);
+    fake.update_reply = "OK\n";
+    assert_true(loop_until(all_is_heard, 600));
+    assert_int_equal(wifi_beacon_most(), MESSAGES_PACK_MAX);
+    end_slots();
+}
+
+/* By another program, or by us: switching it on failed, or we ended meanwhile. */
+static void one_that_was_left_off_is_switched_on(void **state)
+{
+    (void)state;
+    fake.disabled = true;
+    start_slots();
+    assert_true(loop_until(all_is_heard, 2000));
+    assert_int_equal(fake.switched, 1);
+    fake.cannot_enable = fake.disabled = true;
+    assert_false(loop_until(all_is_heard, 12000));
+    assert_in_range(fake.switched, 3, 4);
+    fake.cannot_enable = false;
+    assert_true(loop_until(all_is_heard, 6000));
+    end_slots();
+}
+
 static void another_hostapd_is_given_all(void **state)
 {
     (void)state;
@@ -444,9 +506,9 @@ static void on_count(void *context, int64_t now_us)
     chip.count += chip.silent || fake.disabled ? 0 : 5;
     snprintf(path, sizeof(path), "%s" BEACON_COUNT_FILE, fake.directory);
     if (chip.says_nothing) {
-        snprintf(line, sizeof(line), "%" PRId64 " -\n", now_us / 1000);
+        snprintf(line, sizeof(line), "%" PRId64 " - -\n", now_us / 1000);
     } else {
-        snprintf(line, sizeof(line), "%" PRId64 " %" PRIu32 "\n", now_us / 1000, chip.count);
+        snprintf(line, sizeof(line), "%" PRId64 " %" PRIu32 " -\n", now_us / 1000, chip.count);
     }
     assert_int_equal(whole_file_replace(path, line, strlen(line), 0644), 0);
     loop_arm(&chip.timer, now_us + BEACON_COUNT_EVERY_US);
@@ -454,7 +516,7 @@ static void on_count(void *context, int64_t now_us)
 
 static bool it_is_counted(void)
 {
-    return radio.state == RADIO_ON_AIR && radio.counted;
+    return radio.state == RADIO_ON_AIR && radio.known == RADIO_COUNTED;
 }
 
 static bool it_is_stuck(void)
@@ -497,7 +559,7 @@ static void start_counted(void)
     start_slots();
     assert_true(loop_until(it_is_counted, 2500));
     assert_non_null(strstr(radio.detail, "the chip counts them"));
-    assert_string_equal(radio_known(&radio), "confirmed");
+    assert_string_equal(radio_known_name(radio.known), "confirmed");
     chip.silent = true;
 }
 
@@ -517,7 +579,7 @@ static void a_chip_that_sends_nothing_is_lost_whatever_hostapd_says(void **state
     start_counted();
     assert_true(loop_until(it_is_seen_lost, 3000));
     assert_non_null(strstr(radio.detail, "the chip sends no beacon"));
-    assert_string_equal(radio_known(&radio), "set");
+    assert_string_equal(radio_known_name(radio.known), "set");
     assert_false(loop_until(all_is_heard, 1000)); /* it goes on saying OK */
     chip.silent = false;
     assert_true(loop_until(it_is_counted, 1500));
@@ -570,7 +632,7 @@ static void a_count_that_never_moved_says_nothing(void **state)
     start_slots();
     assert_true(loop_until(all_is_heard, 600));
     assert_false(loop_until(it_is_seen_lost, 10000));
-    assert_string_equal(radio_known(&radio), "set");
+    assert_string_equal(radio_known_name(radio.known), "set");
     chip.says_nothing = true;
     assert_false(loop_until(it_is_seen_lost, 10000));
     end_slots();
@@ -583,7 +645,7 @@ static void without_the_count_hostapd_is_believed(void **state)
     chip.silent = false;
     loop_arm(&chip.timer, LOOP_NEVER);
     assert_false(loop_until(it_is_seen_lost, 10000));
-    assert_string_equal(radio_known(&radio), "set");
+    assert_string_equal(radio_known_name(radio.known), "set");
     loop_arm(&chip.timer, loop_now_us());
     assert_true(loop_until(it_is_counted, 1500));
     chip.silent = true;
@@ -628,6 +690,9 @@ int main(void)
         TEST(what_was_refused_twice_goes_out_whole_later),
         TEST(trying_more_costs_hardly_a_beacon),
         TEST(an_interface_that_is_down_is_no_refusal),
+        TEST(nor_is_one_that_the_kernel_has_down),
+        TEST(two_refusals_in_a_row_lie_apart),
+        TEST(one_that_was_left_off_is_switched_on),
         TEST(another_hostapd_is_given_all),
         TEST(a_hostapd_that_forgot_is_told_again_after_a_while),
         COUNTED(what_the_chip_counts_is_confirmed_by_it),

@@ -377,7 +377,7 @@ static void one_in_detail(void **state)
     (void)state;
     take_off();
     bench.snapshot.unix_us = UTC;
-    bench.snapshot.channels[CHANNEL_WIFI].confirmed = true;
+    bench.snapshot.channels[CHANNEL_WIFI].known = RADIO_COUNTED;
     pass(5);
     bench.snapshot.position = false;
     pass(10);

@@ -85,14 +85,14 @@ static void that_a_chip_counted_is_kept(void **state)
     take_off();
     pass(1);
     look();
-    assert_false(totals(CHANNEL_WIFI)->confirmed);
-    bench.snapshot.channels[CHANNEL_WIFI].confirmed = true;
+    assert_int_equal(totals(CHANNEL_WIFI)->known, RADIO_SET);
+    bench.snapshot.channels[CHANNEL_WIFI].known = RADIO_COUNTED;
     pass(1);
-    bench.snapshot.channels[CHANNEL_WIFI].confirmed = false;
+    bench.snapshot.channels[CHANNEL_WIFI].known = RADIO_SET;
     pass(1);
     look();
-    assert_true(totals(CHANNEL_WIFI)->confirmed);
-    assert_false(totals(CHANNEL_BT4)->confirmed);
+    assert_int_equal(totals(CHANNEL_WIFI)->known, RADIO_COUNTED);
+    assert_int_equal(totals(CHANNEL_BT4)->known, RADIO_SET);
 }
 
 static void of_two_gaps_the_longest_counts(void **state)

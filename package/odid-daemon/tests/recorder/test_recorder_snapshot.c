@@ -40,11 +40,11 @@ static void all_is_well(void **state)
 {
     (void)state;
     fixture.condition.armed = true;
-    fixture.radios[CHANNEL_WIFI].counted = true;
+    fixture.radios[CHANNEL_WIFI].known = RADIO_COUNTED;
     take_fixture();
     assert_true(snapshot.answered);
-    assert_true(snapshot.channels[CHANNEL_WIFI].confirmed);
-    assert_false(snapshot.channels[CHANNEL_BT4].confirmed);
+    assert_int_equal(snapshot.channels[CHANNEL_WIFI].known, RADIO_COUNTED);
+    assert_int_equal(snapshot.channels[CHANNEL_BT4].known, RADIO_SET);
     assert_int_equal(snapshot.daemon_start_us, NOW - 90000000);
     assert_true(snapshot.channels[CHANNEL_WIFI].required);
     assert_true(snapshot.channels[CHANNEL_WIFI].on_air);
