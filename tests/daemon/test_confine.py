@@ -116,6 +116,20 @@ def test_who_asks_the_radios_reaches_these_only(family, kind, protocol, error):
 
 
 @of_root
+@pytest.mark.parametrize("command, error", [
+    (0x8933, 0),  # SIOCGIFINDEX
+    (0x8913, errno.EPERM),  # SIOCGIFFLAGS, for SIOCSIFFLAGS: lo switched off, and telemetry is gone until power-off
+    (0x5423, errno.EPERM)])  # TIOCSETD
+@pytest.mark.parametrize("family, protocol", [("AF_UNIX", 0), ("AF_NETLINK", 16)])
+def test_who_asks_the_radios_has_one_ioctl(family, protocol, command, error):
+    """What a socket's family doesn't know the kernel asks of all interfaces."""
+    program = (f"import fcntl, socket, sys\none = socket.socket(socket.{family}, socket.SOCK_DGRAM, {protocol})\n"
+               f"try:\n    fcntl.ioctl(one, {command}, b'lo'.ljust(40, bytes(1)))\nexcept OSError as error:\n    sys.exit(error.errno)\n")
+    said = subprocess.run([CONFINE, "-r", "nobody", os.path.realpath(sys.executable), "-c", program])
+    assert said.returncode == error
+
+
+@of_root
 def test_who_asks_the_radios_has_one_right():
     status = status_of(CONFINE, "-r", "nobody")
     assert {status[name] for name in ("CapInh", "CapPrm", "CapEff", "CapAmb")} == {f"{1 << 12:016x}"}

@@ -1,5 +1,6 @@
 """What is in the package."""
 
+import os
 import re
 import shutil
 
@@ -221,6 +222,49 @@ def watched(unpacked, tmp_path, answers):
 def test_an_access_point_that_hangs_is_ended(unpacked, tmp_path, answers, times):
     """Its radio goes on with the last place that it was told, and systemd sees a process that runs."""
     assert watched(unpacked, tmp_path, answers) == ["-KILL -x -u odid-hostapd hostapd"] * times
+
+
+def test_the_access_point_alone_is_watched(unpacked):
+    """A watch of another interface ended the hostapd of the broadcast's each 15 s: that of the other one, somebody else's, didn't answer."""
+    units = [(unpacked / f"lib/systemd/system/odid-hostapd{which}@.service").read_text() for which in ("", "-watch")]
+    for line in re.findall(r"^(?:ConditionPathExists|ExecCondition)=.*$", units[0], re.M):
+        assert line in units[1]
+
+
+def apply(unpacked, folder, armed="disarmed never 0 said"):
+    """apply-configuration's exit code, and what it had systemd do; what hostapd runs with is in `settings`."""
+    for name, text in {
+            "odidctl": f"case $1 in armed) echo '{armed}' ;; get) [ $# -gt 2 ] && printf 'true\\nwlan0\\nSE\\n6\\n' || echo lo ;; esac\n",
+            "systemctl": f'echo "$*" >>{folder}/calls\n'}.items():
+        (folder / name).write_text("#!/bin/sh\n" + text)
+        (folder / name).chmod(0o755)
+    script = folder / "apply-configuration"
+    script.write_text((unpacked / "usr/lib/odid/apply-configuration").read_text().replace("/run/odid-hostapd", str(folder)))
+    code = call("env", f"PATH={folder}:/usr/bin:/bin", "sh", script, check=False)[0]
+    return code, (folder / "calls").read_text().splitlines() if (folder / "calls").exists() else []
+
+
+ANEW = ["stop odid-hostapd@*.service odid-beacons@*.service", "start odid-hostapd@lo.service odid-beacons@lo.service"]
+
+
+@pytest.mark.parametrize("runs_with, calls", [
+    ("true\nwlan0\nSE\n6\n", ["try-restart odid-beacons@lo.service"]), ("true\nwlan0\nSE\n11\n", ANEW), (None, ANEW)])
+def test_what_is_saved_restarts_what_it_concerns(unpacked, tmp_path, runs_with, calls):
+    settings = tmp_path / "settings"
+    if runs_with:
+        settings.write_text(runs_with)
+    assert apply(unpacked, tmp_path) == (0, calls)
+    if calls == ANEW:  # it isn't written where there is none to start: switched on again, that was taken for what runs
+        assert not settings.exists()
+
+
+def test_what_is_saved_restarts_nothing_in_the_air(unpacked, tmp_path):
+    assert apply(unpacked, tmp_path, "armed once 1 said") == (1, [])
+
+
+def test_what_hostapd_s_user_has_in_its_folder_holds_nobody_up(unpacked, tmp_path):
+    os.mkfifo(tmp_path / "settings")
+    assert apply(unpacked, tmp_path) == (0, ANEW)
 
 
 def test_where_the_settings_are_not_known_the_access_point_is_tried_again(unpacked, tmp_path):

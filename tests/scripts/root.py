@@ -14,7 +14,7 @@ SETTINGS = {
     "autopilot.device": "auto", "autopilot.baud": "921600", "broadcast.wifi_iface": "wlan0", "wifi.country": "SE",
     "wifi.channel": "6", "mavlink.udp_port": "14550", "ground_station.address": "",
     "ground_station.interface": "eth0",
-    "broadcast.wifi_beacon_enabled": "true", "broadcast.wifi_listener": "",
+    "broadcast.wifi_beacon_enabled": "true", "wifi.listener": "",
 }
 ODIDCTL = """#!/bin/sh
 case $1 in

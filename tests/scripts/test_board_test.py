@@ -29,10 +29,10 @@ def tested(appliance):
     return appliance
 
 
-def run(tested, *answers):
+def run(tested, *answers, steps=""):
     """How it ended, and CONFIG's report."""
     said = "\\n".join(answers)
-    result = tested.run(f"printf '{said}\\n' | /{SCRIPT}")
+    result = tested.run(f"printf '{said}\\n' | /{SCRIPT} {steps}")
     report = tested.root / "run/config/board-test.txt"
     return result, report.read_bytes().decode().replace("\r\n", "\n") if report.exists() else None
 
@@ -77,6 +77,12 @@ def test_what_the_board_itself_finds_has_failed_whatever_the_receiver_shows(test
     assert "".join(re.findall(r"\n(\d)\. (?:[^\n]+\n)+?  FAILED: ", report)) == failed, report
 
 
+def test_some_of_them_alone(tested):
+    result, report = run(tested, "-45", "-50", "y", steps="2 5")
+    assert result.returncode == 0 and "\n2 passed, 0 failed, 0 not seen.\n" in report and "\n1. " not in report
+    assert run(tested, steps="6")[0].returncode == run(tested, steps="all")[0].returncode == 2
+
+
 def test_what_nobody_looks_at_is_not_passed(tested):
     result, report = run(tested)
     assert result.returncode == 1 and "\n1 passed, 0 failed, 4 not seen.\n" in report
@@ -103,9 +109,22 @@ def test_one_that_is_armed_meanwhile_ends_it_and_nothing_keeps_its_processors(te
     (tested.root / "meanwhile").chmod(0o755)
     result, report = run(tested, *ALL_SEEN)
     assert result.returncode == 1 and not tested.calls()
-    assert "The aircraft isn't disarmed any more: the test ends here." in report and "\n3 passed, 0 failed, 0 not seen.\n" in report
+    assert "The aircraft isn't disarmed any more: the test ends here." in report and "\n3 passed, 1 failed, 0 not seen.\n" in report
     for process in tested.read("run/.busy").split():
         assert not tested.run(f"kill -0 {process}").returncode == 0
+
+
+@pytest.mark.parametrize("bind", ['echo "armed once 1 said" >/armed', 'sed -i "s/wlan0 on-air .*/wlan0 off 0/" /radios'])
+def test_bluetooth_is_left_alone_where_somebody_arms_or_wi_fi_does_not_come_back(tested, bind):
+    tested.write("bind-anew", f'#!/bin/sh\necho "$*" >>/calls\n{bind}\n')
+    result, report = run(tested, *ALL_SEEN)
+    assert result.returncode == 1 and tested.calls() == [BOUND["wlan0"]], report
+
+
+def test_a_serial_port_is_no_radio_with_a_driver(tested):
+    tested.write("radios", "h4:/dev/ttyS1 on-air 300\nhci1 on-air 300\nwlan0 on-air 300\n")
+    tested.write("run/drivers/hci1/bound", BOUND["hci0"] + "\n")
+    assert run(tested, *ALL_SEEN)[0].returncode == 0 and tested.calls() == [*BOUND.values()]
 
 
 def test_without_config_the_report_is_kept(tested):

@@ -231,6 +231,17 @@ def test_the_board_restarts_on_the_ground_and_once(appliance, make_driven, watch
     assert appliance.calls().count("restarts") == restarts
 
 
+@pytest.mark.parametrize("bluetooth, restarts", [("on-air 500", False), ("stuck 0", True), ("off 0", True)])
+def test_for_wi_fi_alone_the_board_is_not_restarted(appliance, make_driven, watch, bluetooth, restarts):
+    """Whoever kept the channel busy for a minute silenced Bluetooth as well, which was fine."""
+    make_driven("wlan0", *SDIO)
+    watch()
+    say(appliance, f"hci0 {bluetooth}", "wlan0 on-air 5", uptime_s=100)
+    for uptime_s in (110, 120, 140, 180):
+        say(appliance, f"hci0 {bluetooth}", "wlan0 stuck 0", uptime_s=uptime_s)
+    assert appliance.calls().count("restarts") == restarts
+
+
 def test_a_radio_that_never_worked_restarts_nothing(appliance, make_driven, watch):
     driven = make_driven("hci0", *SERIAL)
     watch()

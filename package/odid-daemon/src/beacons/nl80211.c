@@ -90,8 +90,11 @@ int nl80211_ask(struct nl_msg *question, nl80211_take *take, void *context)
     while (result >= 0 && answers.awaited) {
         result = nl_recvmsgs_default(radios);
     }
-    if (answers.error < 0) {
-        return answers.error;
+    result = answers.error < 0 ? answers.error : result < 0 ? result : 0;
+    /* Of what is still to come nothing answers another question; or cfg80211 was loaded anew. */
+    if (result < 0 && (answers.error == 0 || result == -NLE_OBJ_NOTFOUND)) {
+        nl_socket_free(radios);
+        (void)nl80211_open(); /* where that fails so does the next question */
     }
-    return result < 0 ? result : 0;
+    return result;
 }

@@ -64,7 +64,6 @@ struct config {
     /* [broadcast] */
     bool bt4_enabled, bt5_enabled, wifi_beacon_enabled;
     char wifi_iface[16];
-    char wifi_listener[16]; /* another radio's interface, or empty; odid-beacons' */
     char hostapd_dir[CONFIG_PATH_SIZE];
     char bt_adapter[CONFIG_PATH_SIZE];  /* hciN or h4:/dev/ttyX[@baud] */
     char bt5_adapter[CONFIG_PATH_SIZE]; /* a second one for long range; empty: the same */
@@ -82,6 +81,7 @@ struct config {
     char ground_station[22];       /* a.b.c.d or a.b.c.d:port; empty: none */
     char ground_station_iface[16]; /* the only way there */
     char wifi_country[3];          /* two capitals */
+    char wifi_listener[16];        /* another radio's interface, or empty */
     uint8_t wifi_channel;
     /* Only from the file to odidctl, which makes a key of it; whoever doesn't clears it. */
     char maintenance_password[CONFIG_PASSWORD_MAX + 1];

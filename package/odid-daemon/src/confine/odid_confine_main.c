@@ -101,6 +101,13 @@ static int refuse_memory_of_nobody(scmp_filter_ctx filter, uint32_t refuse)
     return result;
 }
 
+/* The kernel hands an ioctl that a socket's family doesn't know to all interfaces: one of UNIX's
+ * could switch lo off. What asks the radios needs a number for a name. */
+static int refuse_ioctl_but_index(scmp_filter_ctx filter, uint32_t refuse)
+{
+    return seccomp_rule_add(filter, refuse, SCMP_SYS(ioctl), 1, SCMP_A1(SCMP_CMP_NE, SIOCGIFINDEX));
+}
+
 /* With an error: a library that only tries goes on without. What makes sockets by another way isn't
  * to be had either. */
 static int add_refusals(scmp_filter_ctx filter, enum kind kind)
@@ -108,7 +115,10 @@ static int add_refusals(scmp_filter_ctx filter, enum kind kind)
     const uint32_t refuse = SCMP_ACT_ERRNO(EPERM);
     int result = seccomp_rule_add(filter, refuse, SCMP_SYS(io_uring_setup), 0);
 
-    if (result == 0) { /* by a line discipline a pseudo-terminal becomes a Bluetooth controller */
+    if (result == 0 && kind == KIND_RADIO) {
+        result = refuse_ioctl_but_index(filter, refuse);
+    } else if (result ==
+               0) { /* by a line discipline a pseudo-terminal becomes a Bluetooth controller */
         result = seccomp_rule_add(filter, refuse, SCMP_SYS(ioctl), 1,
                                   SCMP_A1(SCMP_CMP_MASKED_EQ, number, TIOCSETD));
     }

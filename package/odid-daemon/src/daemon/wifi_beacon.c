@@ -98,6 +98,7 @@ static void close_and_retry(enum radio_state state, const char *what, int error,
     snprintf(detail, sizeof(detail), "%s: %s", what,
              error == HOSTAPD_PASSED ? "it passed descriptors" : strerror(-error));
     self.request = REQUEST_NONE;
+    self.enabled = false; /* of nobody beacons are to be expected */
     hostapd_control_close(&self.control);
     radio_enter(self.radio, CHANNEL_WIFI, unless_blocked(state), detail, now_us);
     loop_arm(&self.timer, retry_next(&self.retry, now_us));
@@ -308,6 +309,7 @@ static void lose_beacons(enum beacon_verdict verdict, int64_t now_us)
 static void wait_for_switch(int64_t now_us)
 {
     self.remedy = REMEDY_NONE;
+    self.radio->given_up = false;
     self.expected_us = now_us;
     self.pending = true;
     radio_enter(self.radio, CHANNEL_WIFI, RADIO_BLOCKED, "its radio is switched off", now_us);
@@ -369,8 +371,12 @@ static void take_status(const char *reply, int64_t now_us)
     look_whether_off(state, now_us);
     /* hostapd says so also where the kernel has its interface down, which is no word of the chip's.
      */
-    if (enabled && self.refused && !beacon_evidence_is_down(&self.evidence, now_us)) {
-        take_less(now_us);
+    if (enabled && self.refused) {
+        if (beacon_evidence_is_down(&self.evidence, now_us)) {
+            self.allowed_us = now_us + REFUSED_US;
+        } else {
+            take_less(now_us);
+        }
     }
     self.refused = false;
     if (enabled) {

@@ -40,7 +40,7 @@ static const char usage[] =
     "  odidctl update cancel             calls off what is being installed\n"
     "  odidctl find-autopilot BAUD SECONDS PORT...\n"
     "                                    on which serial port one speaks; for scripts\n"
-    "  odidctl board-test                tries what only a real board can show, and asks what a\n"
+    "  odidctl board-test [STEP...]      tries what only a real board can show, and asks what a\n"
     "                                    receiver beside it shows; the report goes to CONFIG\n"
     "  odidctl factory-reset             forgets all settings, and takes over what CONFIG has\n"
     "  odidctl --version | --help\n"
@@ -196,7 +196,7 @@ static int run_factory_reset(char *const words[])
 /* A script, which asks whoever is there. */
 static int run_board_test(char *const words[])
 {
-    execl(self.places.board_test, words[0], (char *)NULL);
+    execv(self.places.board_test, words);
     fprintf(stderr, "odidctl: %s: %s\n", self.places.board_test, strerror(errno));
     return ODIDCTL_NO_ANSWER;
 }
@@ -231,7 +231,7 @@ static const struct command {
      "Maintenance is the appliance's; here odidctl set changes settings at any time."},
     {"factory-reset", 1, 1, "factory-reset takes no words", run_factory_reset, false,
      "The factory reset is the appliance's; here apt purge odid forgets the settings."},
-    {"board-test", 1, 1, "board-test takes no words", run_board_test, false,
+    {"board-test", 1, 6, "board-test takes up to five numbers", run_board_test, false,
      "The board test is the appliance's, for its own board; here odidctl doctor looks around."},
     {"find-autopilot", 4, WORDS_MAX, "find-autopilot needs BAUD, SECONDS and up to 9 PORTs",
      run_find_autopilot, false, NULL},

@@ -61,7 +61,9 @@ static void take_count(struct beacon_evidence *evidence, uint32_t count, int64_t
 {
     uint32_t more = count >= evidence->count ? count - evidence->count : count;
 
-    if (evidence->counts && count != evidence->count) {
+    if (!evidence->counts) {
+        evidence->moved_us = at_us; /* of the time before nothing is known */
+    } else if (count != evidence->count) {
         evidence->moves = true;
         evidence->moved_us = at_us;
         if ((int64_t)more * SECOND_US >= (at_us - evidence->reported_us) * BEACON_COUNTED_PER_S) {

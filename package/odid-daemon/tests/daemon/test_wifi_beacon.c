@@ -431,6 +431,30 @@ static void nor_is_one_that_the_kernel_has_down(void **state)
     assert_int_equal(umount(NET), 0);
 }
 
+/* Then nothing is to be expected: its driver was to be bound anew after five seconds, while hostapd
+ * was about to be back. */
+static void of_a_hostapd_that_is_gone_no_beacons_are_expected(void **state)
+{
+    (void)state;
+    if (!own_mounts() || !mount_small_disk(NET, "64k") || mkdir(NET "/wlan0", 0755) < 0) {
+        skip();
+    }
+    the_kernel_has_it("up\n");
+    start_slots();
+    assert_true(loop_until(all_is_heard, 600));
+    run_ms(1000);
+    fake_hostapd_die(&fake);
+    the_kernel_has_it("down\n");
+    run_ms(10000);
+    assert_int_equal(radio.state, RADIO_ABSENT);
+    assert_false(radio.given_up);
+    fake_hostapd_run(&fake);
+    the_kernel_has_it("up\n");
+    assert_true(loop_until(all_is_heard, 3000));
+    end_slots();
+    assert_int_equal(umount(NET), 0);
+}
+
 /* Whatever is a moment ago gets a moment: both within one were no two refusals. */
 static void two_refusals_in_a_row_lie_apart(void **state)
 {
@@ -691,6 +715,7 @@ int main(void)
         TEST(trying_more_costs_hardly_a_beacon),
         TEST(an_interface_that_is_down_is_no_refusal),
         TEST(nor_is_one_that_the_kernel_has_down),
+        TEST(of_a_hostapd_that_is_gone_no_beacons_are_expected),
         TEST(two_refusals_in_a_row_lie_apart),
         TEST(one_that_was_left_off_is_switched_on),
         TEST(another_hostapd_is_given_all),

@@ -127,6 +127,22 @@ static void a_count_that_always_stood_is_no_evidence(void **state)
     }
 }
 
+/* A question that failed: for a while nobody said how many. Silence was made of that, and the
+ * element taken out. */
+static void what_is_told_again_is_no_silence(void **state)
+{
+    (void)state;
+    count(7);
+    assert_int_equal(count(12), BEACONS_SENT);
+    for (int i = 0; i < 10; i++) {
+        now_us += SECOND_US / 2;
+        report("-");
+        look_later(0);
+    }
+    assert_int_equal(count(60), BEACONS_UNKNOWN);
+    assert_int_equal(count(65), BEACONS_SENT);
+}
+
 /* Nor is it silence: what others send may keep ours from the air. */
 static void a_few_of_them_are_no_evidence_of_all(void **state)
 {
@@ -247,6 +263,7 @@ int main(void)
         TEST(a_count_that_stands),
         TEST(none_are_expected_of_what_has_just_been_switched_on),
         TEST(a_count_that_always_stood_is_no_evidence),
+        TEST(what_is_told_again_is_no_silence),
         TEST(a_few_of_them_are_no_evidence_of_all),
         TEST(what_another_radio_hears),
         TEST(nothing_was_heard_in_the_future),
