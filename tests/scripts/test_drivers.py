@@ -231,15 +231,27 @@ def test_the_board_restarts_on_the_ground_and_once(appliance, make_driven, watch
     assert appliance.calls().count("restarts") == restarts
 
 
-@pytest.mark.parametrize("bluetooth, restarts", [("on-air 500", False), ("stuck 0", True), ("off 0", True)])
+@pytest.mark.parametrize("bluetooth, restarts", [
+    ("hci0 on-air 500", False), ("h4:/dev/ttyS1@115200 on-air 500", False), ("hci0 stuck 0", True), ("hci0 off 0", True)])
 def test_for_wi_fi_alone_the_board_is_not_restarted(appliance, make_driven, watch, bluetooth, restarts):
     """Whoever kept the channel busy for a minute silenced Bluetooth as well, which was fine."""
     make_driven("wlan0", *SDIO)
     watch()
-    say(appliance, f"hci0 {bluetooth}", "wlan0 on-air 5", uptime_s=100)
+    say(appliance, bluetooth, "wlan0 on-air 5", uptime_s=100)
     for uptime_s in (110, 120, 140, 180):
-        say(appliance, f"hci0 {bluetooth}", "wlan0 stuck 0", uptime_s=uptime_s)
+        say(appliance, bluetooth, "wlan0 stuck 0", uptime_s=uptime_s)
     assert appliance.calls().count("restarts") == restarts
+
+
+@pytest.mark.parametrize("state, binds", [("trial", False), ("idle", True), ("waiting", True)])
+def test_in_a_trial_wi_fi_s_driver_is_left_alone(appliance, make_driven, watch, state, binds):
+    """Whoever kept the channel busy had hostapd started again and again, and each version given up for that."""
+    wifi = make_driven("wlan0", *SDIO)
+    appliance.write("run/odid-appliance/update-state.json", f'{{ "state": "{state}" }}\n')
+    watch()
+    say(appliance, "wlan0 on-air 5")
+    say(appliance, "wlan0 stuck 0")
+    assert bool(wifi.asked("bind")) == binds
 
 
 def test_a_radio_that_never_worked_restarts_nothing(appliance, make_driven, watch):

@@ -26,7 +26,7 @@ class Hostapd(ControlInterface):
     def _write_count(self):
         self._send(self.world.now_us)
         new = self._count.with_suffix(".new")
-        new.write_text(f"{self.world.now_us // 1000} {self._sent} -\n")
+        new.write_text(f"{self.world.now_us // 1000} {self._sent} - seen\n")
         new.rename(self._count)
         self.world.after(COUNT_EVERY_US, self._write_count)
 

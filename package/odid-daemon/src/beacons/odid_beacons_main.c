@@ -21,6 +21,7 @@
 #include "base/whole_file.h"
 #include "beacons/beacon_counters.h"
 #include "beacons/beacon_listener.h"
+#include "beacons/beacon_pace.h"
 #include "beacons/nl80211.h"
 #include "radio/beacon_evidence.h"
 
@@ -118,11 +119,12 @@ static int64_t now_ms(void)
     return (int64_t)now.tv_sec * 1000 + now.tv_nsec / 1000000;
 }
 
-static void write_down(const char *path, int64_t asked_ms, const uint32_t *beacons,
+static void write_down(const char *path, int64_t asked_ms, const uint32_t *beacons, bool seen,
                        int64_t heard_ms)
 {
     static int failed;
     char line[64], count[16] = "-", heard[24] = "-";
+    size_t length;
     int result;
 
     if (beacons != NULL) {
@@ -131,9 +133,9 @@ static void write_down(const char *path, int64_t asked_ms, const uint32_t *beaco
     if (heard_ms != INT64_MIN) {
         snprintf(heard, sizeof(heard), "%" PRId64, heard_ms);
     }
-    result = whole_file_replace(
-        path, line,
-        (size_t)snprintf(line, sizeof(line), "%" PRId64 " %s %s\n", asked_ms, count, heard), 0644);
+    length = (size_t)snprintf(line, sizeof(line), "%" PRId64 " %s %s %s\n", asked_ms, count, heard,
+                              seen ? BEACON_COUNT_SEEN : "-");
+    result = whole_file_replace(path, line, length, 0644);
     if (result < 0 && result != failed) {
         log_error("%s: %s", path, strerror(-result));
     }
@@ -151,7 +153,8 @@ static int64_t asked_next_ms(int result, int64_t now_ms)
 
 static _Noreturn void follow(const char *iface, const char *path, const char *listener)
 {
-    int64_t next_ms = 0;
+    int64_t next_ms = 0, heard_ms = INT64_MIN;
+    struct beacon_pace pace = {.began = false};
     uint32_t beacons;
     int result = 0;
 
@@ -163,8 +166,13 @@ static _Noreturn void follow(const char *iface, const char *path, const char *li
             say(result);
             next_ms = asked_next_ms(result, now_ms());
         }
-        write_down(path, at_ms, result < 0 ? NULL : &beacons,
-                   listener == NULL ? INT64_MIN : beacon_listener_look(iface, listener, at_ms));
+        if (result == 0) {
+            beacon_pace_take(&pace, beacons, at_ms);
+        }
+        write_down(path, at_ms, result < 0 ? NULL : &beacons, pace.seen, heard_ms);
+        if (listener != NULL) { /* which may take its time, and the count is written down by then */
+            heard_ms = beacon_listener_look(iface, listener, at_ms);
+        }
         usleep(BEACON_COUNT_EVERY_US);
     }
 }

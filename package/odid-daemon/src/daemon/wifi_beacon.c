@@ -98,6 +98,7 @@ static void close_and_retry(enum radio_state state, const char *what, int error,
     snprintf(detail, sizeof(detail), "%s: %s", what,
              error == HOSTAPD_PASSED ? "it passed descriptors" : strerror(-error));
     self.request = REQUEST_NONE;
+    self.radio->silent = false;
     self.enabled = false; /* of nobody beacons are to be expected */
     hostapd_control_close(&self.control);
     radio_enter(self.radio, CHANNEL_WIFI, unless_blocked(state), detail, now_us);
@@ -276,6 +277,7 @@ static void enter_on_air(int64_t now_us)
     };
     char detail[RADIO_DETAIL_SIZE];
 
+    self.radio->silent = false;
     snprintf(detail, sizeof(detail), "%s, in every beacon%s%s", self.config->wifi_iface,
              self.room.most < MESSAGES_PACK_MAX ? ", shortened: the chip refused more" : "",
              by_whom[self.radio->known]);
@@ -298,6 +300,7 @@ static void lose_beacons(enum beacon_verdict verdict, int64_t now_us)
         self.to_clear || self.remedy == REMEDY_SET_ANEW; /* the same one would change nothing */
     self.to_switch = self.remedy == REMEDY_OFF_AND_ON;
     self.radio->given_up = self.radio->given_up || self.remedy == REMEDY_DRIVER;
+    self.radio->silent = verdict == BEACONS_NOT_SENT;
     self.radio->failures++;
     snprintf(detail, sizeof(detail), "hostapd says OK, and %s; %s",
              verdict == BEACONS_NO_CARRIER ? "its interface is down" : "the chip sends no beacon",
@@ -325,7 +328,7 @@ static void find_beacons_again(void)
 static void on_look(void *context, int64_t now_us)
 {
     enum beacon_verdict verdict = beacon_evidence_look(&self.evidence, self.expected_us, now_us);
-    bool settled = now_us - self.expected_us > BEACON_SILENCE_US + 2 * BEACON_COUNT_EVERY_US;
+    bool settled = now_us - self.expected_us > beacon_evidence_patience_us(&self.evidence);
 
     (void)context;
     loop_arm(&self.look, now_us + (self.remedy == REMEDY_NONE ? BEACON_COUNT_EVERY_US : SOON_US));
@@ -335,12 +338,10 @@ static void on_look(void *context, int64_t now_us)
     if (!self.enabled || self.newest.length == 0) {
         return; /* none is to be expected */
     }
-    if (verdict == BEACONS_NOT_SENT || verdict == BEACONS_NO_CARRIER) {
-        if (unless_blocked(RADIO_LOST) == RADIO_BLOCKED) {
-            wait_for_switch(now_us);
-        } else {
-            lose_beacons(verdict, now_us);
-        }
+    if (verdict == BEACONS_NO_CARRIER && unless_blocked(RADIO_LOST) == RADIO_BLOCKED) {
+        wait_for_switch(now_us);
+    } else if (verdict == BEACONS_NOT_SENT || verdict == BEACONS_NO_CARRIER) {
+        lose_beacons(verdict, now_us);
     } else if (self.remedy != REMEDY_NONE && (verdict == BEACONS_SENT || settled)) {
         find_beacons_again();
     } else if (self.radio->state == RADIO_ON_AIR) {

@@ -214,8 +214,8 @@ static void print_detail_channel(FILE *out, const struct recorder_flight *record
     const struct recorder_channel_totals *totals = &record->totals.channels[channel];
     static const char *const by_whom[] = {
         [RADIO_SET] = "",
-        [RADIO_COUNTED] = "; by its chip's own count",
-        [RADIO_HEARD] = "; heard by another radio",
+        [RADIO_COUNTED] = "; at times told by its chip's own count",
+        [RADIO_HEARD] = "; at times heard by another radio",
     };
     unsigned gaps = totals->gaps + (record->open_gap_us[channel] > 0);
     char first[CELL_SIZE], longest[CELL_SIZE];

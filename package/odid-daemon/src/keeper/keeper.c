@@ -7,6 +7,8 @@
  * comes before anything of its is on the air: one that it gives later says that something is. */
 #define AT_ONCE_US 1000000
 #define SPEAKS_AGAIN_US 1500000
+/* hostapd, or a chip, may do later what it didn't do. */
+#define AGAIN_US 5000000
 /* Two deaths by the filter within this time are no accident. */
 #define FILTERED_WITHIN_US 60000000
 
@@ -15,6 +17,7 @@ void keeper_init(struct keeper *keeper, int64_t silent_us, int64_t off_air_us, i
     memset(keeper, 0, sizeof(*keeper));
     keeper->silent_us = silent_us;
     keeper->off_air_us = off_air_us;
+    keeper->again_us = INT64_MIN;
     keeper->start_us = now_us;
     /* An earlier keeper may have been killed, and what its daemon said last is on the air. */
     keeper->alive_us = keeper->on_air_us = now_us;
@@ -34,6 +37,7 @@ bool keeper_alive(struct keeper *keeper, int64_t now_us)
     }
     keeper->on_air_us = now_us;
     keeper->outage = keeper->off_air = keeper->taking_off_air = false;
+    keeper->again_us = INT64_MIN;
     return over;
 }
 
@@ -53,9 +57,16 @@ void keeper_died(struct keeper *keeper, int signal, int code, int64_t now_us)
     }
 }
 
-void keeper_is_off_air(struct keeper *keeper)
+void keeper_is_off_air(struct keeper *keeper, bool all, int64_t now_us)
 {
-    keeper->off_air = keeper->off_air || keeper->taking_off_air;
+    if (!keeper->taking_off_air) { /* one spoke meanwhile */
+        return;
+    }
+    if (all || keeper->ending) { /* nobody waits for what can't be done at once */
+        keeper->off_air = true;
+    } else {
+        keeper->again_us = now_us + AGAIN_US;
+    }
     keeper->taking_off_air = false;
 }
 
@@ -92,7 +103,7 @@ static int64_t off_air_us(const struct keeper *keeper)
         keeper->alive_us > keeper->started_us && silent_us < spoken_us) {
         return spoken_us;
     }
-    return silent_us;
+    return silent_us > keeper->again_us ? silent_us : keeper->again_us;
 }
 
 static int64_t process_us(const struct keeper *keeper)

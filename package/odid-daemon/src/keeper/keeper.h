@@ -45,6 +45,7 @@ struct keeper {
     bool ending, told_to_end;
     bool orderly; /* told to end, it did, and has switched its radios off itself */
     bool taking_off_air, off_air;
+    int64_t again_us; /* when what was left is taken off */
 };
 
 void keeper_init(struct keeper *keeper, int64_t silent_us, int64_t off_air_us, int64_t now_us);
@@ -54,7 +55,8 @@ bool keeper_alive(struct keeper *keeper, int64_t now_us);
 /* It is gone: the signal that ended it, 0 when it exited with the code. */
 void keeper_died(struct keeper *keeper, int signal, int code, int64_t now_us);
 /* Everything that can be taken off the air was, or can't be. */
-void keeper_is_off_air(struct keeper *keeper);
+/* all: nothing is left of it; else it is tried again. */
+void keeper_is_off_air(struct keeper *keeper, bool all, int64_t now_us);
 /* We were told to end. */
 void keeper_end(struct keeper *keeper, int64_t now_us);
 

@@ -100,7 +100,7 @@ static void on_off_air(void *context, const char *off, const char *left, int64_t
               "on the air: %s. Taken off: %s.",
               silent_s, left, off[0] != '\0' ? off : "none");
     }
-    keeper_is_off_air(&self.keeper);
+    keeper_is_off_air(&self.keeper, left[0] == '\0', now_us);
     advance(now_us);
 }
 

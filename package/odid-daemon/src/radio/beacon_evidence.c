@@ -64,7 +64,6 @@ static void take_count(struct beacon_evidence *evidence, uint32_t count, int64_t
     if (!evidence->counts) {
         evidence->moved_us = at_us; /* of the time before nothing is known */
     } else if (count != evidence->count) {
-        evidence->moves = true;
         evidence->moved_us = at_us;
         if ((int64_t)more * SECOND_US >= (at_us - evidence->reported_us) * BEACON_COUNTED_PER_S) {
             evidence->sent_us = at_us;
@@ -76,12 +75,12 @@ static void take_count(struct beacon_evidence *evidence, uint32_t count, int64_t
 
 static void look_at_report(struct beacon_evidence *evidence, int64_t now_us)
 {
-    char line[LINE_SIZE], word[16], heard[16];
+    char line[LINE_SIZE], word[16], heard[16], seen[8];
     int64_t at_us, heard_ms;
     uint32_t count;
 
     read_line(evidence->count_path, line);
-    if (sscanf(line, "%12" SCNd64 " %15s %15s", &at_us, word, heard) != 3) {
+    if (sscanf(line, "%12" SCNd64 " %15s %15s %7s", &at_us, word, heard, seen) != 4) {
         return;
     }
     at_us = ms(at_us);
@@ -96,6 +95,7 @@ static void look_at_report(struct beacon_evidence *evidence, int64_t now_us)
     } else {
         take_count(evidence, count, at_us);
     }
+    evidence->seen = evidence->seen || strcmp(seen, BEACON_COUNT_SEEN) == 0;
     evidence->reported_us = at_us;
 }
 
@@ -114,7 +114,7 @@ enum beacon_verdict beacon_evidence_look(struct beacon_evidence *evidence, int64
         is_long(evidence->carrier_us, since_us, now_us)) {
         return BEACONS_NO_CARRIER;
     }
-    if (!evidence->counts || !evidence->moves || now_us - evidence->reported_us > OLD_US) {
+    if (!evidence->counts || !evidence->seen || now_us - evidence->reported_us > OLD_US) {
         return BEACONS_UNKNOWN;
     }
     if (evidence->sent_us != INT64_MIN && now_us - evidence->sent_us <= BEACON_SILENCE_US) {
@@ -127,6 +127,14 @@ enum beacon_verdict beacon_evidence_look(struct beacon_evidence *evidence, int64
 bool beacon_evidence_heard(const struct beacon_evidence *evidence, int64_t now_us)
 {
     return evidence->heard_us != INT64_MIN && now_us - evidence->heard_us <= BEACON_HEARD_US;
+}
+
+/* A count is old when it comes, and may be late as well: without one for so long nothing is to be
+ * expected of it. */
+int64_t beacon_evidence_patience_us(const struct beacon_evidence *evidence)
+{
+    return BEACON_SILENCE_US + 2 * BEACON_COUNT_EVERY_US +
+           (evidence->counts && evidence->seen ? OLD_US : 0);
 }
 
 bool beacon_evidence_is_down(struct beacon_evidence *evidence, int64_t now_us)

@@ -40,18 +40,19 @@ enum radio_known { RADIO_SET, RADIO_COUNTED, RADIO_HEARD };
 
 struct radio {
     enum radio_state state;
-    int64_t since_us;               /* when this state began */
-    int64_t accepted_us;            /* when the radio last took a payload; INT64_MIN: never */
-    int64_t confirmed_us;           /* when it was last known to transmit the newest content */
-    int64_t unbroken_us;            /* since when it was known without a pause; INT64_MIN: never */
-    uint64_t payloads;              /* taken by the radio */
-    uint64_t replaced;              /* on the air, not given to it: a newer one came first */
-    unsigned starts;                /* times it came on air */
-    bool was_on_air;                /* once since power-on, if by a daemon before this one */
-    bool given_up;                  /* all was tried that a daemon can */
-    enum radio_known known;         /* that it transmits */
-    unsigned repairs;               /* foreign commands undone */
-    unsigned failures;              /* errors and time-outs */
+    int64_t since_us;       /* when this state began */
+    int64_t accepted_us;    /* when the radio last took a payload; INT64_MIN: never */
+    int64_t confirmed_us;   /* when it was last known to transmit the newest content */
+    int64_t unbroken_us;    /* since when it was known without a pause; INT64_MIN: never */
+    uint64_t payloads;      /* taken by the radio */
+    uint64_t replaced;      /* on the air, not given to it: a newer one came first */
+    unsigned starts;        /* times it came on air */
+    bool was_on_air;        /* once since power-on, if by a daemon before this one */
+    bool given_up;          /* all was tried that a daemon can */
+    enum radio_known known; /* that it transmits */
+    bool silent;            /* was told to, did before, and sends nothing by its own count */
+    unsigned repairs;       /* foreign commands undone */
+    unsigned failures;      /* errors and time-outs */
     char detail[RADIO_DETAIL_SIZE]; /* the last error, or how it transmits; plain words */
 };
 

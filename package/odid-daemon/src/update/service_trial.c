@@ -107,7 +107,6 @@ static void ask_no_more_for_what_was_switched_off(struct service *self, struct j
         self->expectation.channels &= ~disabled;
         if ((disabled & 1U << CHANNEL_WIFI) != 0) {
             update_services_forget(&self->expectation.wanted, "hostapd");
-            update_services_forget(&self->expectation.wanted, "odid-beacons");
         }
     }
     if (stat(SSH_KEYS, &keys) < 0 || keys.st_size == 0) {

@@ -530,9 +530,10 @@ static void on_count(void *context, int64_t now_us)
     chip.count += chip.silent || fake.disabled ? 0 : 5;
     snprintf(path, sizeof(path), "%s" BEACON_COUNT_FILE, fake.directory);
     if (chip.says_nothing) {
-        snprintf(line, sizeof(line), "%" PRId64 " - -\n", now_us / 1000);
+        snprintf(line, sizeof(line), "%" PRId64 " - - -\n", now_us / 1000);
     } else {
-        snprintf(line, sizeof(line), "%" PRId64 " %" PRIu32 " -\n", now_us / 1000, chip.count);
+        snprintf(line, sizeof(line), "%" PRId64 " %" PRIu32 " - %s\n", now_us / 1000, chip.count,
+                 chip.count >= 15 ? BEACON_COUNT_SEEN : "-");
     }
     assert_int_equal(whole_file_replace(path, line, strlen(line), 0644), 0);
     loop_arm(&chip.timer, now_us + BEACON_COUNT_EVERY_US);
@@ -648,6 +649,23 @@ static void and_then_its_driver_is_to_be_bound_anew(void **state)
     end_slots();
 }
 
+/* It was started anew, by what was saved because of the fault; who asks the chip wasn't. */
+static void a_daemon_that_begins_beside_a_silent_chip_knows_it(void **state)
+{
+    (void)state;
+    start_counted();
+    wifi_beacon_stop();
+    loop_arm(&slot, LOOP_NEVER);
+    run_ms(3000);
+    start_slots();
+    assert_true(loop_until(it_is_seen_lost, 3500));
+    assert_true(radio.silent);
+    chip.silent = false;
+    assert_true(loop_until(it_is_counted, 1500));
+    assert_false(radio.silent);
+    end_slots();
+}
+
 /* Another chip's driver, or one that never counts: that is no silence. */
 static void a_count_that_never_moved_says_nothing(void **state)
 {
@@ -725,6 +743,7 @@ int main(void)
         COUNTED(the_element_set_anew_may_bring_it_back),
         COUNTED(then_the_interface_is_switched_off_and_on),
         COUNTED(and_then_its_driver_is_to_be_bound_anew),
+        COUNTED(a_daemon_that_begins_beside_a_silent_chip_knows_it),
         COUNTED(a_count_that_never_moved_says_nothing),
         COUNTED(without_the_count_hostapd_is_believed),
         TEST(the_end_takes_the_element_out_of_the_beacon),

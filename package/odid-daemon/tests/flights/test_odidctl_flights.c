@@ -393,8 +393,8 @@ static void one_in_detail(void **state)
     expect("odid-daemon " ODID_VERSION ", image 2026.1 \"x\\y\"\n");
     expect("Bluetooth 4  first on the air after 3.0 s; armed, without a gap\n");
     expect("Bluetooth 5  not required\n");
-    expect("Wi-Fi beacon first on the air after 3.0 s; armed, without a gap; by its chip's own "
-           "count\n");
+    expect("Wi-Fi beacon first on the air after 3.0 s; armed, without a gap; at times told by "
+           "its chip's own count\n");
     expect("Faults       1, 1 of them while armed\n");
     expect("Daemon       started again 1 time\n");
     expect("    3.0 s  Bluetooth 4 is on the air for the first time\n");

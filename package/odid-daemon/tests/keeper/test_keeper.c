@@ -186,11 +186,23 @@ static void after_5_s_without_a_sign_of_life_the_payload_is_taken_off_once(void 
     expect(KEEPER_START, T0 + 13 * S);
     expect_at(T0 + 15 * S, KEEPER_TAKE_OFF_AIR);
     expect(KEEPER_NOTHING, T0 + 15 * S);
-    keeper_is_off_air(&keeper);
+    keeper_is_off_air(&keeper, true, T0);
     expect_at(T0 + 16 * S, KEEPER_KILL); /* the new one is silent as well */
     die(SIGKILL, T0 + 16 * S);
     expect(KEEPER_START, T0 + 16 * S);
     expect_at(T0 + 19 * S, KEEPER_KILL);
+}
+
+static void what_is_left_of_it_is_taken_off_later(void **state)
+{
+    (void)state;
+    live(T0, T0 + 10 * S);
+    expect(KEEPER_KILL, T0 + 13 * S);
+    expect_at(T0 + 15 * S, KEEPER_TAKE_OFF_AIR); /* one that the kernel doesn't end */
+    keeper_is_off_air(&keeper, false, T0 + 16 * S);
+    expect_at(T0 + 21 * S, KEEPER_TAKE_OFF_AIR);
+    keeper_is_off_air(&keeper, true, T0 + 21 * S);
+    expect(KEEPER_NOTHING, T0 + 60 * S);
 }
 
 static void the_next_outage_takes_it_off_again(void **state)
@@ -202,7 +214,7 @@ static void the_next_outage_takes_it_off_again(void **state)
     die(SIGKILL, T0 + 5 * S);
     expect(KEEPER_START, T0 + 5 * S);
     assert_true(keeper_alive(&keeper, T0 + 6 * S)); /* before it is off: left to the daemon */
-    keeper_is_off_air(&keeper);
+    keeper_is_off_air(&keeper, true, T0);
     expect_at(T0 + 9 * S, KEEPER_KILL);
     expect_at(T0 + 11 * S, KEEPER_TAKE_OFF_AIR);
 }
@@ -261,7 +273,7 @@ static void one_that_does_not_die_is_waited_for(void **state)
     live(T0, T0);
     expect(KEEPER_KILL, T0 + 3 * S);
     expect(KEEPER_TAKE_OFF_AIR, T0 + 5 * S);
-    keeper_is_off_air(&keeper);
+    keeper_is_off_air(&keeper, true, T0);
     assert_int_equal(keeper_due_us(&keeper), INT64_MAX);
     expect(KEEPER_NOTHING, T0 + 1000 * S);
     die(SIGKILL, T0 + 1000 * S);
@@ -294,7 +306,7 @@ static void a_daemon_that_does_not_end_is_killed_and_its_payload_taken_off(void 
     die(SIGKILL, T0 + 5 * S);
     expect(KEEPER_TAKE_OFF_AIR, T0 + 5 * S);
     expect(KEEPER_NOTHING, T0 + 5 * S);
-    keeper_is_off_air(&keeper);
+    keeper_is_off_air(&keeper, true, T0);
     expect(KEEPER_QUIT, T0 + 5 * S);
 }
 
@@ -308,7 +320,7 @@ static void the_end_between_death_and_restart_takes_the_payload_off(void **state
     expect(KEEPER_NOTHING, T0 + 20 * MS);
     keeper_end(&keeper, T0 + 30 * MS);
     expect(KEEPER_TAKE_OFF_AIR, T0 + 30 * MS);
-    keeper_is_off_air(&keeper);
+    keeper_is_off_air(&keeper, true, T0);
     expect(KEEPER_QUIT, T0 + 30 * MS);
 }
 
@@ -320,7 +332,7 @@ static void a_death_at_the_end_that_was_not_orderly_is_seen_to(void **state)
     expect(KEEPER_TERMINATE, T0 + S);
     die(SIGSEGV, T0 + S + MS);
     expect(KEEPER_TAKE_OFF_AIR, T0 + S + MS);
-    keeper_is_off_air(&keeper);
+    keeper_is_off_air(&keeper, true, T0);
     expect(KEEPER_QUIT, T0 + S + MS);
 }
 
@@ -339,6 +351,7 @@ int main(void)
         TEST(two_deaths_by_the_filter_within_a_minute_put_it_into_log_mode),
         TEST(deaths_by_the_filter_far_apart_or_by_others_do_not),
         TEST(after_5_s_without_a_sign_of_life_the_payload_is_taken_off_once),
+        TEST(what_is_left_of_it_is_taken_off_later),
         TEST(the_next_outage_takes_it_off_again),
         TEST(one_that_dies_ever_again_before_it_speaks_is_taken_off_too),
         TEST(one_that_dies_ever_again_when_it_has_spoken_once_is_taken_off_too),

@@ -96,6 +96,14 @@ static void channels_on_the_air_by_the_radios_own_word(void **state)
     assert_int_equal(update_channels_on_air(object), WIFI);
     json_object_put(object);
 
+    /* Whoever kept Wi-Fi's channel busy had each version rolled back. */
+    object = status(30, "lost", 60);
+    json_object_object_add(
+        json_object_object_get(json_object_object_get(object, "channels"), "bt4"), "silent",
+        json_object_new_boolean(true));
+    assert_int_equal(update_channels_on_air(object), BT4 | WIFI);
+    json_object_put(object);
+
     object = status(30, "starting", 0.1);
     assert_int_equal(update_channels_on_air(object), WIFI);
     json_object_put(object);
