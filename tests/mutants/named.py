@@ -110,7 +110,7 @@ NAMED = (
     Mutant("a reconfigured hostapd isn't given the element again", "wifi_beacon.c",
            "return due_us > self.allowed_us ? due_us : self.allowed_us;", "return self.pending ? self.allowed_us : LOOP_NEVER;"),
     Mutant("a chip that says OK and sends nothing is on the air", "wifi_beacon.c",
-           "    if (verdict == BEACONS_NOT_SENT || verdict == BEACONS_NO_CARRIER) {", "    if (false) {"),
+           "    } else if (verdict == BEACONS_NOT_SENT || verdict == BEACONS_NO_CARRIER) {", "    } else if (false) {"),
     Mutant("what the chip still has of before a refusal stays in its beacons", "wifi_beacon.c",
            "self.to_clear && self.enabled && self.taken.length > 0", "false"),
     Mutant("a hostapd that never answers is waited for", "hostapd_control.c",

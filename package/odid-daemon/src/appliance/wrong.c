@@ -10,6 +10,7 @@
 #include "appliance/faults.h"
 #include "appliance/places.h"
 #include "appliance/status_fetch.h"
+#include "base/loop.h"
 
 /* The daemon is started again, and hears its autopilot within a second; of several ports the right
  * one is found within ten. */
@@ -91,9 +92,10 @@ static void find_new(struct json_object *now, struct json_object *before, char *
 void wrong_since(const struct places *places, struct json_object *before, char *out, size_t size)
 {
     const struct timespec moment = {.tv_nsec = LOOK_MS * 1000000L};
+    int64_t until_us = loop_now_us() + PATIENCE_MS * INT64_C(1000);
 
-    for (int passed_ms = 0, steady_ms = 0; passed_ms < PATIENCE_MS && steady_ms < STEADY_MS;
-         passed_ms += LOOK_MS) {
+    /* A look may take seconds as well, of a daemon that hangs. */
+    for (int steady_ms = 0; loop_now_us() < until_us && steady_ms < STEADY_MS;) {
         struct json_object *now;
 
         nanosleep(&moment, NULL);
