@@ -193,7 +193,7 @@ def test_whether_it_is_to_be_started_is_found_out_before_it_has_a_folder(unpacke
     code, folder = access_point(unpacked, tmp_path, "wlan0", "check")
     assert code == 0 and list(folder.iterdir()) == []
     unit = (unpacked / "lib/systemd/system/odid-hostapd@.service").read_text()
-    assert "\nExecCondition=/usr/lib/odid/hostapd-config %i check\nExecStartPre=/usr/lib/odid/hostapd-config %i\n" in unit
+    assert "\nExecCondition=/usr/lib/odid/hostapd-config %i check\n" in unit and "\nExecStartPre=/usr/lib/odid/hostapd-config %i\n" in unit
 
 
 def watched(unpacked, tmp_path, answers):

@@ -95,7 +95,7 @@ static void add_channels(struct json_object *root, const struct health_input *in
         add_text(object, "known", radio_known_name(radio->known));
         add_bool(object, "required", health_required(input, channel));
         add_bool(object, "stuck", radio_stuck(radio, now_us));
-        add_bool(object, "silent", radio->silent);
+        add_bool(object, "silent", radio->silent && radio_seen(radio, now_us) == RADIO_LOST);
         add_age(object, "since_s", radio_seen_since_us(radio, now_us), now_us);
         add_age(object, "last_accepted_s", radio->accepted_us, now_us);
         add_age(object, "confirmed_s", radio->confirmed_us, now_us);

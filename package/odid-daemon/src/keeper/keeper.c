@@ -90,7 +90,7 @@ static int64_t kill_us(const struct keeper *keeper)
 static int64_t off_air_us(const struct keeper *keeper)
 {
     int64_t silent_us = keeper->on_air_us + keeper->off_air_us;
-    int64_t spoken_us = keeper->started_us + AT_ONCE_US + SPEAKS_AGAIN_US;
+    int64_t spoken_us = keeper->started_us + AT_ONCE_US + SPEAKS_AGAIN_US, due_us = silent_us;
 
     if (keeper->off_air || keeper->taking_off_air) {
         return INT64_MAX;
@@ -101,9 +101,9 @@ static int64_t off_air_us(const struct keeper *keeper)
     /* The one that runs has spoken, and hasn't had the time to speak again: it may be sending. */
     if (keeper->state == KEEPER_RUNNING && keeper->quick < 2 &&
         keeper->alive_us > keeper->started_us && silent_us < spoken_us) {
-        return spoken_us;
+        due_us = spoken_us;
     }
-    return silent_us > keeper->again_us ? silent_us : keeper->again_us;
+    return due_us > keeper->again_us ? due_us : keeper->again_us;
 }
 
 static int64_t process_us(const struct keeper *keeper)

@@ -205,6 +205,24 @@ static void what_is_left_of_it_is_taken_off_later(void **state)
     expect(KEEPER_NOTHING, T0 + 60 * S);
 }
 
+/* It spoke for a moment, and hung as the one before it. Without a pause the keeper ended itself by
+ * that. */
+static void nor_is_it_tried_without_a_pause_where_the_next_one_spoke(void **state)
+{
+    (void)state;
+    live(T0, T0 + 10 * S);
+    expect(KEEPER_KILL, T0 + 13 * S);
+    die(SIGKILL, T0 + 13 * S);
+    expect(KEEPER_START, T0 + 13 * S);
+    keeper_alive(&keeper, T0 + 13 * S + S / 2);
+    expect_at(T0 + 15 * S + S / 2, KEEPER_TAKE_OFF_AIR);
+    keeper_is_off_air(&keeper, false, T0 + 15 * S + S / 2);
+    expect_at(T0 + 16 * S + S / 2, KEEPER_KILL);
+    die(SIGKILL, T0 + 16 * S + S / 2);
+    expect(KEEPER_START, T0 + 16 * S + S / 2);
+    expect(KEEPER_NOTHING, T0 + 17 * S);
+}
+
 static void the_next_outage_takes_it_off_again(void **state)
 {
     (void)state;
@@ -352,6 +370,7 @@ int main(void)
         TEST(deaths_by_the_filter_far_apart_or_by_others_do_not),
         TEST(after_5_s_without_a_sign_of_life_the_payload_is_taken_off_once),
         TEST(what_is_left_of_it_is_taken_off_later),
+        TEST(nor_is_it_tried_without_a_pause_where_the_next_one_spoke),
         TEST(the_next_outage_takes_it_off_again),
         TEST(one_that_dies_ever_again_before_it_speaks_is_taken_off_too),
         TEST(one_that_dies_ever_again_when_it_has_spoken_once_is_taken_off_too),
