@@ -8,8 +8,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* There are ten a second, some of which others keep from the air. */
-#define BEACON_PACE_LEAST_PER_S 5
+/* At least BEACON_COUNTED_PER_S (radio/beacon_evidence.h): others keep some of the ten from the
+ * air. */
 #define BEACON_PACE_MOST_PER_S 20
 /* So many reports have to be at that pace, one after the other. */
 #define BEACON_PACE_TIMES 3

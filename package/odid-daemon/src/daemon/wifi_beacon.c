@@ -83,12 +83,17 @@ static struct {
     int64_t expected_us; /* beacons with the element, from then on */
 } self;
 
-/* Whoever is switched off waits rightly. */
-static enum radio_state unless_blocked(enum radio_state state)
+static bool is_blocked(void)
 {
     bool hard;
 
-    return rfkill_blocked(RFKILL_WLAN, &hard) ? RADIO_BLOCKED : state;
+    return rfkill_blocked(RFKILL_WLAN, &hard);
+}
+
+/* Whoever is switched off waits rightly. */
+static enum radio_state unless_blocked(enum radio_state state)
+{
+    return is_blocked() ? RADIO_BLOCKED : state;
 }
 
 static void close_and_retry(enum radio_state state, const char *what, int error, int64_t now_us)
@@ -308,21 +313,19 @@ static void lose_beacons(enum beacon_verdict verdict, int64_t now_us)
     radio_enter(self.radio, CHANNEL_WIFI, RADIO_LOST, detail, now_us);
 }
 
+static void end_remedies(void)
+{
+    self.remedy = REMEDY_NONE;
+    self.radio->given_up = false;
+    self.pending = true;
+}
+
 /* hostapd takes no notice of that. */
 static void wait_for_switch(int64_t now_us)
 {
-    self.remedy = REMEDY_NONE;
-    self.radio->given_up = false;
+    end_remedies();
     self.expected_us = now_us;
-    self.pending = true;
     radio_enter(self.radio, CHANNEL_WIFI, RADIO_BLOCKED, "its radio is switched off", now_us);
-}
-
-static void find_beacons_again(void)
-{
-    self.remedy = REMEDY_NONE;
-    self.radio->given_up = false;
-    self.pending = true;
 }
 
 static void on_look(void *context, int64_t now_us)
@@ -338,12 +341,12 @@ static void on_look(void *context, int64_t now_us)
     if (!self.enabled || self.newest.length == 0) {
         return; /* none is to be expected */
     }
-    if (verdict == BEACONS_NO_CARRIER && unless_blocked(RADIO_LOST) == RADIO_BLOCKED) {
+    if (verdict == BEACONS_NO_CARRIER && is_blocked()) {
         wait_for_switch(now_us);
     } else if (verdict == BEACONS_NOT_SENT || verdict == BEACONS_NO_CARRIER) {
         lose_beacons(verdict, now_us);
     } else if (self.remedy != REMEDY_NONE && (verdict == BEACONS_SENT || settled)) {
-        find_beacons_again();
+        end_remedies();
     } else if (self.radio->state == RADIO_ON_AIR) {
         enter_on_air(now_us); /* how it is known may have changed */
     }

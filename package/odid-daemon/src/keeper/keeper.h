@@ -54,8 +54,7 @@ void keeper_init(struct keeper *keeper, int64_t silent_us, int64_t off_air_us, i
 bool keeper_alive(struct keeper *keeper, int64_t now_us);
 /* It is gone: the signal that ended it, 0 when it exited with the code. */
 void keeper_died(struct keeper *keeper, int signal, int code, int64_t now_us);
-/* Everything that can be taken off the air was, or can't be. */
-/* all: nothing is left of it; else it is tried again. */
+/* What can be taken off the air was. all: nothing is left of it; else it is tried again. */
 void keeper_is_off_air(struct keeper *keeper, bool all, int64_t now_us);
 /* We were told to end. */
 void keeper_end(struct keeper *keeper, int64_t now_us);

@@ -535,8 +535,8 @@ void recorder_say_totals(struct recorder *recorder)
         filled += (size_t)snprintf(
             channels + filled, sizeof(channels) - filled,
             "%s\"%s\":{\"required\":%s,\"armed_required\":%s,\"known\":\"%s\",\"first\":%s,"
-            "\"heard\":%s,\"silent_s\":%.2f,\"longest_gap_s\":%.2f,\"gaps\":%u,\"open_gap_s\":%."
-            "2f}",
+            "\"heard\":%s,\"silent_s\":%.2f,\"longest_gap_s\":%.2f,\"gaps\":%u,"
+            "\"open_gap_s\":%.2f}",
             channel == 0 ? "" : ",", channel_name(channel), one->required ? "true" : "false",
             one->armed_required ? "true" : "false", radio_known_name(one->known),
             instant(one->first_us, first), instant(one->heard_us, heard),

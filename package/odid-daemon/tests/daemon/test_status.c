@@ -102,8 +102,7 @@ static void stable_names(void **state)
     channels = json_object_object_get(root, "channels");
     expect_fields(channels, "bt4",
                   "title state detail known required stuck silent since_s last_accepted_s "
-                  "confirmed_s unbroken_s "
-                  "payloads replaced starts repairs failures");
+                  "confirmed_s unbroken_s payloads replaced starts repairs failures");
     expect_fields(root, "link",
                   "name state detail since_s bytes_in bytes_out bytes_dropped overrun opened "
                   "senders");
