@@ -37,18 +37,25 @@ def provided():
     return found
 
 
+def quoted(found):
+    """awk and sed have words of their own, and in a sentence "can't" opens nothing."""
+    text = found[0]
+    if text[0] == "#":
+        return ""
+    return re.sub(r"'[^']*'", "''", text) if text[0] == "'" or "$(" in text else text.replace("'", "")
+
+
 def commands(text):
     """Words in the place of a command; a rough reading of the shell that is enough for ours."""
     text = re.sub(r"\\\n", " ", text)
     text = re.sub(r"<<-?'?(\w+)'?([^\n]*)\n.*?\n\t*\1\n", r"\2\n", text, flags=re.S)
-    text = re.sub(r"'[^']*'", "''", text)                               # awk and sed have words of their own
-    text = re.sub(r"(^|\s)#[^\n]*", r"\1", text)
+    text = re.sub(r"""'[^']*'|"(?:[^"\\]|\\.)*"|(?:^|(?<=\s))#[^\n]*""", quoted, text, flags=re.M)
     text = re.sub(r"\$\(\((?:[^()]|\([^()]*\))*\)\)", "0", text)          # arithmetic
     text = re.sub(r'"(?:[^"$\\]|\\.|\$(?!\())*"', '""', text)           # of strings only the commands in them
     inner = [command for string in re.findall(r'"[^"]*"', text) for command in re.findall(r"\$\([^)]*\)", string)]
     text = "\n".join([re.sub(r'"[^"]*"', '""', text), *inner])
     text = re.sub(r"\$\{[^}]*\}", "X", text)
-    text = re.sub(r"^\s*[^\s()]+( \| [^\s()]+)*\)", ";", text, flags=re.M)  # patterns of case
+    text = re.sub(r"(^|;;| in(?= ))\s*[^\s()]+( \| [^\s()]+)*\)", r"\1;", text, flags=re.M)  # patterns of case
     found = set()
     for part in re.split(r"\n|;|&&|\|\||\||\$\(|`|(?<![>&<\d])&(?!\d)|\(|\)", text):
         words = part.split()
@@ -81,8 +88,9 @@ def defined(text):
 
 
 def test_the_reading_of_the_shell_finds_a_program():
-    script = 'a && nice -n 5 one x | two\n[ -n "$(three y)" ] || exec timeout 3 four\nfor i in no no; do five $i; done\n'
-    assert commands(script) - {"a", "["} >= {"one", "two", "three", "four", "five"}
+    script = 'say "it can\'t, the others\' can"; a && nice -n 5 one x | two\n[ -n "$(three y)" ] || exec timeout 3 four\nfor i in no no; do five $i; done\n' \
+        "case $x in no | no) six ;; no) seven ;; esac\n"
+    assert commands(script) - {"say", "a", "["} >= {"one", "two", "three", "four", "five", "six", "seven"}
     assert "no" not in commands(script)
     assert {"sh", "mdev", "runsv"} <= provided() and "gcc" not in provided()
 

@@ -214,6 +214,39 @@ def test_an_old_disarmed_is_no_word_of_one_that_speaks_on(make_flight):
     assert "armed silent" in kept.read_text().splitlines()
 
 
+def test_what_another_daemon_heard_is_no_word_of_one_that_speaks_on(make_flight):
+    """Its HEARTBEATs were held back, and a setting was saved: "disarmed" stood until power-off."""
+    flight = make_flight(kept=True)
+    kept = flight.world.root / "run/odid/kept"
+    flight.at(2.5, setattr, flight.autopilot, "rewrite", lambda message: message.get_type() != "HEARTBEAT")
+    flight.harm(BY_NAME["daemon_killed"], 2.6)
+    flight.fly(2.6)
+    assert "armed no" in kept.read_text().splitlines()
+    flight.fly(7.5)
+    assert "armed unsaid" in kept.read_text().splitlines()
+    flight.at(7.5, setattr, flight.autopilot, "rewrite", lambda message: False)
+    flight.harm(BY_NAME["daemon_killed"], 7.6)
+    flight.fly(13)
+    assert "armed silent" in kept.read_text().splitlines()
+
+
+def test_one_that_says_all_but_heartbeats_from_the_start_is_no_absent_one(make_flight):
+    """It counted as one that wasn't there: an update could restart the computer in the air."""
+    flight = make_flight(kept=True)
+    flight.daemon_words = ("-expect-vehicle", "1")  # as root's file has it
+    kept = flight.world.root / "run/odid/kept"
+    flight.autopilot.rewrite = lambda message: False
+    flight.at(0.1, flight.kill_service, "odid-keeper")
+    flight.at(6, setattr, flight.autopilot, "rewrite", lambda message: message.get_type() != "HEARTBEAT")
+    flight.fly(8.5)
+    assert "armed unheard" in kept.read_text().splitlines()
+    flight.fly(10)
+    assert "armed unsaid" in kept.read_text().splitlines()
+    flight.at(10, setattr, flight.autopilot, "rewrite", None)
+    flight.fly(12)
+    assert {"armed no", "armed yes"} & set(kept.read_text().splitlines())
+
+
 def test_one_that_is_switched_off_disarmed_has_said_it(make_flight):
     """Its last HEARTBEAT comes before its last word; for a second nobody knew, and maintenance ended."""
     flight = make_flight(kept=True)

@@ -96,7 +96,7 @@ void aircraft_watch_landed_state(struct aircraft *aircraft, int64_t now_us)
                         : aircraft->lies_us == INT64_MIN ? now_us
                                                          : aircraft->lies_us;
     if (aircraft->doubtful || !aircraft_fresh(aircraft->landed_us, now_us) ||
-        !(on_ground ? flies : lies)) {
+        aircraft->landed_state == MAV_LANDED_STATE_UNDEFINED || !(on_ground ? flies : lies)) {
         aircraft->landed_no_us = INT64_MIN;
     } else if (aircraft->landed_no_us == INT64_MIN) {
         aircraft->landed_no_us = now_us;

@@ -186,13 +186,16 @@ static void write_kept(void)
     self.kept_behind = result < 0; /* tried again at each look: others go by it */
 }
 
-/* An old "disarmed" is no word of one that speaks on without it: it may fly. One that is silent may
- * be switched off. */
+/* An old "disarmed", also one that a daemon before this one heard, is no word of one that speaks on
+ * without it: it may fly. One that is silent may be switched off, or was never there. */
 static enum kept_armed word_of(const struct aircraft_condition *condition, int64_t now_us)
 {
+    bool heard = telemetry_heartbeat_us(self.telemetry) != INT64_MIN;
+
     return condition->armed                                      ? KEPT_ARMED
            : condition->heartbeat_fresh                          ? KEPT_DISARMED
            : telemetry_heartbeat_missing(self.telemetry, now_us) ? KEPT_UNSAID
+           : !heard && self.kept.armed == KEPT_UNHEARD           ? KEPT_UNHEARD
                                                                  : KEPT_SILENT;
 }
 
@@ -294,26 +297,26 @@ static void on_look(void *context, int64_t now_us)
     struct aircraft_view view;
     struct aircraft_condition condition;
     uint8_t vehicle = telemetry_vehicle(self.telemetry);
-    bool decided, late;
+    bool decided, waited, settled;
 
     (void)context;
     judge(&input, &health, &view, &condition, now_us);
     ask_vehicle(&condition, vehicle, now_us);
     /* The first HEARTBEAT says whether it is armed, or what it does. */
     decided = telemetry_heartbeat_us(self.telemetry) != INT64_MIN || condition.flies_unheard;
-    late = telemetry_vehicle_speaks(self.telemetry, now_us) &&
-           now_us - self.start_us >= AIRCRAFT_FRESH_US;
-    if (decided || late) { /* before, the pilot would be told that none came */
+    waited = now_us - self.start_us >= AIRCRAFT_FRESH_US;
+    /* Before, the pilot would be told that none came. */
+    if (decided || (waited && telemetry_vehicle_speaks(self.telemetry, now_us))) {
         tell_pilot(vehicle, health_reason(&health), condition.armed, now_us);
         for (enum channel channel = 0; channel < CHANNELS; channel++) {
             pilot_channel(&self.pilot, vehicle, channel, &self.radios[channel], now_us);
         }
         pilot_sources(&self.pilot, vehicle, input.contradicted);
     }
-    if (decided) {
-        /* Others keep it over power-offs: not whoever passed by. */
-        keep(telemetry_vehicle_settled(self.telemetry) ? vehicle : self.kept.vehicle, &condition,
-             now_us);
+    if (decided || waited) {
+        /* Others keep it over power-offs: not whoever passed by, or was only expected. */
+        settled = decided && telemetry_vehicle_settled(self.telemetry);
+        keep(settled ? vehicle : self.kept.vehicle, &condition, now_us);
     }
     keep_channels();
     self.look_us += LOOK_US;

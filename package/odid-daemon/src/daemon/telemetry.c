@@ -50,6 +50,7 @@ struct telemetry {
     uint16_t speaker;   /* but this one's (telemetry_update) */
     int vehicle_stream;
     int64_t latest_us;
+    int64_t first_us;                 /* INT64_MIN before */
     int64_t autopilots_us, others_us; /* any one's last frame, and of whoever is none; INT64_MIN */
     struct renamed renamed;
 };
@@ -62,7 +63,7 @@ struct telemetry *telemetry_init(telemetry_fn *deliver, void *context)
     telemetry.deliver = deliver;
     telemetry.context = context;
     telemetry.vehicle_stream = -1;
-    telemetry.autopilots_us = telemetry.others_us = INT64_MIN;
+    telemetry.first_us = telemetry.autopilots_us = telemetry.others_us = INT64_MIN;
     vehicle_init(&telemetry.vehicle);
     belief_reset(&telemetry.belief);
     return &telemetry;
@@ -367,6 +368,7 @@ static void take_frame(struct telemetry *telemetry, unsigned stream,
         watch_old_number(telemetry, message, now_us);
         telemetry->latest = *message;
         telemetry->latest_us = now_us;
+        telemetry->first_us = telemetry->first_us == INT64_MIN ? now_us : telemetry->first_us;
         telemetry->vehicle_stream = (int)stream;
     } else if (message->compid == MAV_COMP_ID_AUTOPILOT1 && message->sysid != 0 &&
                telemetry->vehicle_stream == (int)stream &&
@@ -439,9 +441,10 @@ bool telemetry_only_others_speak(const struct telemetry *telemetry, int64_t now_
 bool telemetry_heartbeat_missing(const struct telemetry *telemetry, int64_t now_us)
 {
     int64_t heartbeat_us = telemetry_heartbeat_us(telemetry);
+    int64_t since_us = heartbeat_us != INT64_MIN ? heartbeat_us : telemetry->first_us;
 
-    return telemetry_vehicle_speaks(telemetry, now_us) && heartbeat_us != INT64_MIN &&
-           telemetry->latest_us - heartbeat_us >= AIRCRAFT_FRESH_US;
+    return telemetry_vehicle_speaks(telemetry, now_us) &&
+           telemetry->latest_us - since_us >= AIRCRAFT_FRESH_US;
 }
 
 bool telemetry_vehicle_signs(const struct telemetry *telemetry)

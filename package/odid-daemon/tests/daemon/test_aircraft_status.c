@@ -491,6 +491,18 @@ static void a_landed_state_that_stays_in_the_air_is_not_believed(void **state)
     }
 }
 
+/* After half a minute on the ground it was told that its landed state is wrong. */
+static void who_says_no_landed_state_says_no_wrong_one(void **state)
+{
+    (void)state;
+    fly(5);
+    for (unsigned i = 0; i < 40; i++) {
+        landed(MAV_LANDED_STATE_UNDEFINED);
+        fly(1);
+        assert_false(condition.landed_state_wrong);
+    }
+}
+
 /* Disarmed by somebody's word, it flies on: what moves doesn't lie there. */
 static void what_moves_is_in_the_air_as_it_says(void **state)
 {
@@ -584,6 +596,7 @@ int main(void)
         cmocka_unit_test_setup(a_landed_state_that_stays_on_the_ground_is_not_believed,
                                begin_setup),
         cmocka_unit_test_setup(a_slow_aircraft_flies_too, begin_setup),
+        cmocka_unit_test_setup(who_says_no_landed_state_says_no_wrong_one, begin_setup),
         cmocka_unit_test_setup(a_landed_state_that_stays_in_the_air_is_not_believed, begin_setup),
         cmocka_unit_test_setup(without_heartbeats_what_flies_is_armed, begin_setup),
         cmocka_unit_test_setup(what_moves_is_in_the_air_as_it_says, begin_setup),
