@@ -232,14 +232,15 @@ def test_the_access_point_alone_is_watched(unpacked):
 
 
 def apply(unpacked, folder, armed="disarmed never 0 said"):
-    """apply-configuration's exit code, and what it had systemd do; what hostapd runs with is in `settings`."""
+    """apply-configuration's exit code, and what it had systemd do; what hostapd runs with is in `.settings`."""
     for name, text in {
-            "odidctl": f"case $1 in armed) echo '{armed}' ;; get) [ $# -gt 2 ] && printf 'true\\nwlan0\\nSE\\n6\\n' || echo lo ;; esac\n",
+            "odidctl": f"case $1 in armed) echo '{armed}' ;; get) [ $# -gt 2 ] && printf 'true\\nlo\\nSE\\n6\\n' || echo lo ;; esac\n",
             "systemctl": f'echo "$*" >>{folder}/calls\n'}.items():
         (folder / name).write_text("#!/bin/sh\n" + text)
         (folder / name).chmod(0o755)
     script = folder / "apply-configuration"
-    script.write_text((unpacked / "usr/lib/odid/apply-configuration").read_text().replace("/run/odid-hostapd", str(folder)))
+    script.write_text((unpacked / "usr/lib/odid/apply-configuration").read_text().replace("/run/odid-hostapd", f"{folder}/")
+                      .replace("/usr/lib/odid", f"{unpacked}/usr/lib/odid"))
     code = call("env", f"PATH={folder}:/usr/bin:/bin", "sh", script, check=False)[0]
     return code, (folder / "calls").read_text().splitlines() if (folder / "calls").exists() else []
 
@@ -248,9 +249,9 @@ ANEW = ["stop odid-hostapd@*.service odid-beacons@*.service", "start odid-hostap
 
 
 @pytest.mark.parametrize("runs_with, calls", [
-    ("true\nwlan0\nSE\n6\n", ["try-restart odid-beacons@lo.service"]), ("true\nwlan0\nSE\n11\n", ANEW), (None, ANEW)])
+    ("true\nlo\nSE\n6\n", ["try-restart odid-beacons@lo.service"]), ("true\nlo\nSE\n11\n", ANEW), (None, ANEW)])
 def test_what_is_saved_restarts_what_it_concerns(unpacked, tmp_path, runs_with, calls):
-    settings = tmp_path / "settings"
+    settings = tmp_path / ".settings"
     if runs_with:
         settings.write_text(runs_with)
     assert apply(unpacked, tmp_path) == (0, calls)
@@ -258,13 +259,17 @@ def test_what_is_saved_restarts_what_it_concerns(unpacked, tmp_path, runs_with, 
         assert not settings.exists()
 
 
-def test_what_is_saved_restarts_nothing_in_the_air(unpacked, tmp_path):
-    assert apply(unpacked, tmp_path, "armed once 1 said") == (1, [])
+@pytest.mark.parametrize("armed", ["armed once 1 said", "unknown never 1 unsaid", ""])
+def test_what_is_saved_restarts_nothing_in_the_air(unpacked, tmp_path, armed):
+    assert apply(unpacked, tmp_path, armed) == (1, [])
 
 
-def test_what_hostapd_s_user_has_in_its_folder_holds_nobody_up(unpacked, tmp_path):
-    os.mkfifo(tmp_path / "settings")
-    assert apply(unpacked, tmp_path) == (0, ANEW)
+def test_root_opens_nothing_that_hostapd_s_user_can_put_there(unpacked):
+    """A link to the watchdog: opened, and closed again, it restarted the computer a quarter of a minute later."""
+    assert "/run/odid-hostapd/" not in (unpacked / "usr/lib/odid/apply-configuration").read_text()
+    unit = (unpacked / "lib/systemd/system/odid-hostapd@.service").read_text()
+    assert re.findall("/run/[^ ]*hostapd[^ ']*", "".join(re.findall(r"^Exec\w+=-?\+.*$", unit, re.M))) == [
+        "/run/hostapd", "/run/odid-hostapd", "/run/odid-hostapd.settings"]
 
 
 def test_where_the_settings_are_not_known_the_access_point_is_tried_again(unpacked, tmp_path):

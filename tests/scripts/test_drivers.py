@@ -200,7 +200,7 @@ def test_what_was_pulled_has_its_time_when_it_is_plugged_in_again(appliance, mak
     ({}, None, True),
     ({"armed": "armed once 1\n"}, None, False),
     ({"armed": "unknown once 1\n"}, None, False),
-    ({"armed": "disarmed once 1 unsaid\n"}, None, False),  # it fell silent, and may fly
+    ({"armed": "disarmed once 1 silent\n"}, None, False),  # it fell silent, and may fly
     ({"armed": ""}, None, False),
     ({"run/odid-appliance/maintenance": "on\n"}, None, False),
     ({"run/odid-appliance/maintenance": "off\n"}, None, True),
@@ -229,6 +229,32 @@ def test_the_board_restarts_on_the_ground_and_once(appliance, make_driven, watch
     assert len(driven.asked("bind")) == 4
     say(appliance, "hci0 stuck 0", uptime_s=240)
     assert appliance.calls().count("restarts") == restarts
+
+
+def test_armed_at_the_last_moment_nothing_is_remembered(appliance, make_driven, watch):
+    """That radio's last remedy was gone, also over power-offs."""
+    make_driven("hci0", *SERIAL)
+    appliance.write("bin/sync", "#!/bin/sh\necho armed once 1 said >/armed\n")
+    (appliance.root / "bin/sync").chmod(0o755)
+    watch()
+    say(appliance, "hci0 on-air 5", uptime_s=100)
+    for uptime_s in (110, 120, 140, 180):
+        say(appliance, "hci0 stuck 0", uptime_s=uptime_s)
+    assert "armed once" in appliance.read("armed") and "restarts" not in appliance.calls()
+    assert not appliance.exists("data/odid/restarted-for-hci0")
+
+
+def test_a_radio_that_came_back_has_its_minute_once_more(appliance, make_driven, watch):
+    make_driven("hci0", *SERIAL)
+    watch()
+    say(appliance, "hci0 on-air 5", uptime_s=100)
+    say(appliance, "hci0 stuck 0", uptime_s=110)
+    say(appliance, "hci0 on-air 5", uptime_s=120)
+    for uptime_s in (170, 190):
+        say(appliance, "hci0 stuck 0", uptime_s=uptime_s)
+    assert "restarts" not in appliance.calls()
+    say(appliance, "hci0 stuck 0", uptime_s=240)
+    assert "restarts" in appliance.calls()
 
 
 @pytest.mark.parametrize("bluetooth, restarts", [

@@ -2293,13 +2293,16 @@ def test_a_stranger_with_the_keeper_s_number_feeds_no_watchdog(appliance, same):
 
 
 @pytest.mark.parametrize("armed, state, left", [
-    ("disarmed never 1", "trial", True),
-    ("disarmed never 1", "idle", False),  # it is decided
-    ("armed once 1", "trial", False),
-    ("unknown once 1", "trial", False),  # it may be in the air
+    ("disarmed never 1 said", "trial", True),
+    ("disarmed never 0 unheard", "trial", True),
+    ("disarmed never 1 silent", "trial", False),  # it may fly
+    ("disarmed never 1 said", "idle", False),  # it is decided
+    ("armed once 1 said", "trial", False),
+    ("unknown once 1 said", "trial", False),  # it may be in the air
     ("unknown never 1 unsaid", "trial", False),
-    ("unknown never 0 unsaid", "trial", True),  # its daemon never came up, or heard nobody
-    ("unknown never 0 unsaid", None, True),  # and its odid-update neither
+    ("unknown never 0 unsaid", "trial", False),  # all but HEARTBEATs comes of it
+    ("unknown never 0 unheard", "trial", True),  # its daemon never came up, or heard nobody
+    ("unknown never 0 unheard", None, True),  # and its odid-update neither
     ("", "trial", False),
 ])
 def test_a_trial_that_nobody_decides_is_ended_unless_it_may_be_in_the_air(appliance, armed, state, left):

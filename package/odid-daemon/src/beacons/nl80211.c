@@ -78,7 +78,8 @@ int nl80211_ask(struct nl_msg *question, nl80211_take *take, void *context)
     struct answers answers = {.take = take, .context = context, .awaited = true};
     int result;
 
-    if (question == NULL) {
+    if (question == NULL || radios == NULL) {
+        nlmsg_free(question);
         return -NLE_NOMEM;
     }
     nl_socket_modify_cb(radios, NL_CB_VALID, NL_CB_CUSTOM, take_answer, &answers);

@@ -34,8 +34,7 @@ static void try_remedy(struct bluetooth_adapter *adapter, enum bluetooth_remedy 
     }
 }
 
-/* What has worked for long isn't the one that was in vain. */
-static void settle_remedy(struct bluetooth_adapter *adapter, int64_t now_us)
+void bluetooth_settle_remedy(struct bluetooth_adapter *adapter, int64_t now_us)
 {
     if (now_us >= adapter->mended_us) {
         try_remedy(adapter, REMEDY_NONE, now_us);
@@ -49,7 +48,7 @@ static void try_next_remedy(struct bluetooth_adapter *adapter, int64_t now_us)
         try_remedy(adapter, REMEDY_RESET, now_us);
     } else if (adapter->remedy == REMEDY_RESET && !adapter->hci.h4) {
         try_remedy(adapter, REMEDY_DOWN_AND_UP, now_us);
-    } else if (adapter->remedy != REMEDY_DRIVER) {
+    } else {
         try_remedy(adapter, REMEDY_DRIVER, now_us);
     }
 }
@@ -95,7 +94,7 @@ void bluetooth_failed(struct bluetooth_adapter *adapter, const char *detail, int
     bool hard;
     bool blocked = !adapter->hci.h4 && rfkill_blocked(RFKILL_BLUETOOTH, &hard);
 
-    settle_remedy(adapter, now_us);
+    bluetooth_settle_remedy(adapter, now_us);
     for (int i = 0; i < BLUETOOTH_SETS; i++) {
         if (adapter->sets[i].radio != NULL) {
             adapter->sets[i].radio->failures++;
@@ -109,7 +108,7 @@ void bluetooth_lost(void *context, int error, int64_t now_us)
     struct bluetooth_adapter *adapter = context;
     char detail[RADIO_DETAIL_SIZE];
 
-    settle_remedy(adapter, now_us);
+    bluetooth_settle_remedy(adapter, now_us);
     if (error == -ETIMEDOUT) {
         try_next_remedy(adapter, now_us);
     }

@@ -121,6 +121,8 @@ void bluetooth_silence(struct bluetooth_adapter *adapter, int64_t now_us);
 void bluetooth_event(void *adapter, uint8_t code, const uint8_t *parameters, size_t length,
                      int64_t now_us);
 
+/* What has worked for long isn't the one that was in vain: the next hang begins with the first. */
+void bluetooth_settle_remedy(struct bluetooth_adapter *adapter, int64_t now_us);
 /* Closes after a failure, says so, and opens again later. A time-out brings the next remedy. */
 void bluetooth_failed(struct bluetooth_adapter *adapter, const char *detail, int64_t now_us);
 /* The same with an -errno; an hci_lost_fn. */

@@ -326,6 +326,7 @@ static void take_data_answer(struct bluetooth_adapter *adapter, const struct ans
     }
     if ((radio_accepted(set->radio, set->channel, now_us) || !set->pending) && sends) {
         radio_confirmed(set->radio, now_us);
+        bluetooth_settle_remedy(adapter, now_us);
     }
 }
 

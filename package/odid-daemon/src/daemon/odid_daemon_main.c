@@ -191,12 +191,16 @@ static void write_kept(void)
 static enum kept_armed word_of(const struct aircraft_condition *condition, int64_t now_us)
 {
     bool heard = telemetry_heartbeat_us(self.telemetry) != INT64_MIN;
+    bool unheard = !heard && self.kept.armed == KEPT_UNHEARD;
+    /* One that a daemon before this one heard had its time to say a HEARTBEAT. */
+    bool missing = telemetry_heartbeat_missing(self.telemetry, now_us) ||
+                   (!heard && !unheard && telemetry_vehicle_speaks(self.telemetry, now_us));
 
-    return condition->armed                                      ? KEPT_ARMED
-           : condition->heartbeat_fresh                          ? KEPT_DISARMED
-           : telemetry_heartbeat_missing(self.telemetry, now_us) ? KEPT_UNSAID
-           : !heard && self.kept.armed == KEPT_UNHEARD           ? KEPT_UNHEARD
-                                                                 : KEPT_SILENT;
+    return condition->armed             ? KEPT_ARMED
+           : condition->heartbeat_fresh ? KEPT_DISARMED
+           : missing                    ? KEPT_UNSAID
+           : unheard                    ? KEPT_UNHEARD
+                                        : KEPT_SILENT;
 }
 
 /* The take-off point for a restart in flight only: that of a flight that ended must not pass for

@@ -408,6 +408,7 @@ static void take_refusal(const char *what, const char *reply, int64_t now_us)
     self.status_us = now_us; /* most likely its interface went down */
     snprintf(detail, sizeof(detail), "hostapd answered \"%.20s\" to %s", reply, what);
     self.radio->failures++;
+    self.radio->silent = false; /* it isn't for want of a free channel */
     radio_enter(self.radio, CHANNEL_WIFI, unless_blocked(RADIO_LOST), detail, now_us);
 }
 

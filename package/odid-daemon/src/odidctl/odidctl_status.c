@@ -52,11 +52,16 @@ int odidctl_tell_armed(const struct places *places)
                                         [ARMED_UNSAID] = "unknown",
                                         [ARMED_SILENT] = "disarmed",
                                         [ARMED_NO] = "disarmed"};
+    static const char *const by[] = {[KEPT_UNHEARD] = "unheard",
+                                     [KEPT_DISARMED] = "said",
+                                     [KEPT_ARMED] = "said",
+                                     [KEPT_SILENT] = "silent",
+                                     [KEPT_UNSAID] = "unsaid"};
     struct kept kept;
     enum armed armed = armed_look(places->run_dir, &kept);
 
     printf("%s %s %u %s\n", words[armed], kept.armed_once ? "once" : "never", kept.vehicle,
-           kept.armed == KEPT_ARMED || kept.armed == KEPT_DISARMED ? "said" : "unsaid");
+           by[kept.armed]);
     return armed == ARMED_NO || armed == ARMED_SILENT ? ODIDCTL_NOT_GOOD : ODIDCTL_GOOD;
 }
 

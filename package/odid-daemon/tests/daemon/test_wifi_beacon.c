@@ -674,6 +674,23 @@ static void a_daemon_that_begins_beside_a_silent_chip_knows_it(void **state)
     end_slots();
 }
 
+static bool it_is_more_than_silent(void)
+{
+    return radio.state == RADIO_LOST && !radio.silent;
+}
+
+/* For a version on trial it was as good as on the air. */
+static void what_hostapd_refuses_is_no_mere_silence(void **state)
+{
+    (void)state;
+    start_counted();
+    assert_true(loop_until(it_is_seen_lost, 3000));
+    assert_true(radio.silent);
+    fake.set_reply = "FAIL\n";
+    assert_true(loop_until(it_is_more_than_silent, 1500));
+    end_slots();
+}
+
 /* Another chip's driver, or one that never counts: that is no silence. */
 static void a_count_that_never_moved_says_nothing(void **state)
 {
@@ -753,6 +770,7 @@ int main(void)
         COUNTED(then_the_interface_is_switched_off_and_on),
         COUNTED(and_then_its_driver_is_to_be_bound_anew),
         COUNTED(a_daemon_that_begins_beside_a_silent_chip_knows_it),
+        COUNTED(what_hostapd_refuses_is_no_mere_silence),
         COUNTED(a_count_that_never_moved_says_nothing),
         COUNTED(without_the_count_hostapd_is_believed),
         TEST(the_end_takes_the_element_out_of_the_beacon),

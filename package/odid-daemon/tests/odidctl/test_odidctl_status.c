@@ -110,19 +110,19 @@ static void armed_is_what_the_daemon_keeps(void **state)
 
     (void)state;
     assert_int_equal(CALL("armed"), 0);
-    assert_string_equal(said, "unknown never 0 unsaid\n");
+    assert_string_equal(said, "unknown never 0 unheard\n");
     keep_armed("yes");
     assert_int_equal(CALL("armed"), 0);
     assert_string_equal(said, "armed once 7 said\n");
     keep_armed("unheard");
     assert_int_equal(CALL("armed"), 1);
-    assert_string_equal(said, "disarmed never 7 unsaid\n");
+    assert_string_equal(said, "disarmed never 7 unheard\n");
     keep_armed("no");
     assert_int_equal(CALL("armed"), 1);
     assert_string_equal(said, "disarmed never 7 said\n");
     keep_armed("silent"); /* switched off, on the ground */
     assert_int_equal(CALL("armed"), 1);
-    assert_string_equal(said, "disarmed never 7 unsaid\n");
+    assert_string_equal(said, "disarmed never 7 silent\n");
     keep_armed("unsaid");
     assert_int_equal(CALL("armed"), 0);
     assert_string_equal(said, "unknown never 7 unsaid\n");
@@ -150,7 +150,7 @@ static void what_it_says_itself_counts_beside_an_old_no(void **state)
     assert_string_equal(said, "armed never 7 said\n");
     shell("rm run/odid/kept");
     assert_int_equal(CALL("armed"), 0);
-    assert_string_equal(said, "armed never 0 unsaid\n");
+    assert_string_equal(said, "armed never 0 unheard\n");
     keep_armed("no");
     end(daemon);
 }
