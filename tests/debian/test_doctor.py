@@ -92,6 +92,9 @@ ILLNESSES = {
     "a hostapd of one's own without a socket": (
         {"etc/hostapd/hostapd.conf": "interface=wlan0\nctrl_interface_group=0\n"},
         "no control socket", "ctrl_interface_group=netdev", "/etc/hostapd/hostapd.conf:2"),
+    "a hostapd of one's own for another interface": (
+        {"etc/hostapd/hostapd.conf": "interface=wlan1\nctrl_interface=/run/hostapd\nctrl_interface_group=netdev\n"},
+        "is for another interface than wlan0", "hostapd@INTERFACE.service", "/etc/hostapd/hostapd.conf:1"),
     "a hostapd of one's own with elements": (
         {"etc/hostapd/wlan0.conf": "ctrl_interface=/run/hostapd\nctrl_interface_group=netdev\nvendor_elements=dd00\n"},
         "sets vendor elements itself", "take the line out", "/etc/hostapd/wlan0.conf:3"),

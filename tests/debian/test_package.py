@@ -196,9 +196,9 @@ def test_whether_it_is_to_be_started_is_found_out_before_it_has_a_folder(unpacke
     assert "\nExecCondition=/usr/lib/odid/hostapd-config %i check\n" in unit and "\nExecStartPre=/usr/lib/odid/hostapd-config %i\n" in unit
 
 
-def watched(unpacked, tmp_path, answers):
+def watched(unpacked, tmp_path, answers, group=None):
     """How often hostapd was ended, where it answers so: a letter a second, y or n, or - where it has no socket. Its second is a
-    hundredth here, and the last letter ends it."""
+    hundredth here, and the last letter ends it. group: of its socket's folder, where that isn't the script's own."""
     tools = tmp_path / "tools"
     tools.mkdir()
     (tmp_path / "answers").write_text("\n".join(answers) + "\n")
@@ -207,11 +207,12 @@ def watched(unpacked, tmp_path, answers):
                      f'echo "$now" >{tmp_path}/now\nif [ "$now" = - ]; then rm -f $socket; elif [ ! -e $socket ]; then\n'
                      'python3 -c "import socket, sys; socket.socket(socket.AF_UNIX).bind(sys.argv[1])" $socket; fi\n',
             "hostapd_cli": f'read -r now <{tmp_path}/now; [ "$now" = y ] && echo state=ENABLED\n',
-            "pkill": f'echo "$*" >>{tmp_path}/ended\n'}.items():
+            "pkill": f'echo "$*" >>{tmp_path}/ended\n', "chgrp": f'echo "$*" >{tmp_path}/given\n',
+            "stat": f"echo {group}\n"}.items():
         (tools / name).write_text("#!/bin/sh\n" + text)
         (tools / name).chmod(0o755)
     script = tmp_path / "hostapd-watch"
-    script.write_text((unpacked / "usr/lib/odid/hostapd-watch").read_text().replace("/run/hostapd/", f"{tmp_path}/"))
+    script.write_text((unpacked / "usr/lib/odid/hostapd-watch").read_text().replace("/run/hostapd", str(tmp_path)))
     call("env", f"PATH={tools}:/usr/bin:/bin", f"RUNTIME_DIRECTORY={tmp_path}", "sh", script, "wlan0", check=False)
     return (tmp_path / "ended").read_text().splitlines() if (tmp_path / "ended").exists() else []
 
@@ -222,6 +223,14 @@ def watched(unpacked, tmp_path, answers):
 def test_an_access_point_that_hangs_is_ended(unpacked, tmp_path, answers, times):
     """Its radio goes on with the last place that it was told, and systemd sees a process that runs."""
     assert watched(unpacked, tmp_path, answers) == ["-KILL -x -u odid-hostapd hostapd"] * times
+
+
+@pytest.mark.parametrize("group, given", [(None, False), ("netdev", False), ("root", True)])
+def test_a_folder_that_another_hostapd_has_given_away_is_the_daemon_s_again(unpacked, tmp_path, group, given):
+    """After the daemon's next start Wi-Fi had the place that it was told before."""
+    os.chown(tmp_path, -1, os.getegid() + (group is not None))
+    watched(unpacked, tmp_path, "yy", group)
+    assert (tmp_path / "given").exists() == given
 
 
 def test_the_access_point_alone_is_watched(unpacked):
@@ -269,7 +278,7 @@ def test_root_opens_nothing_that_hostapd_s_user_can_put_there(unpacked):
     assert "/run/odid-hostapd/" not in (unpacked / "usr/lib/odid/apply-configuration").read_text()
     unit = (unpacked / "lib/systemd/system/odid-hostapd@.service").read_text()
     assert re.findall("/run/[^ ]*hostapd[^ ']*", "".join(re.findall(r"^Exec\w+=-?\+.*$", unit, re.M))) == [
-        "/run/hostapd", "/run/odid-hostapd", "/run/odid-hostapd.settings"]
+        "/run/hostapd", "/run/odid-hostapd", "/run/hostapd/%i*", "/run/odid-hostapd.settings"]
 
 
 def test_where_the_settings_are_not_known_the_access_point_is_tried_again(unpacked, tmp_path):

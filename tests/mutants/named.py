@@ -97,7 +97,7 @@ NAMED = (
            "    adapter->awaited = opcode;\n"),
     Mutant("a controller that resets itself is believed", "bluetooth_answers.c", "memcmp(answer->rest, mark, size) != 0", "false"),
     Mutant("a controller that hangs is never given up", "bluetooth.c",
-           "} else if (adapter->remedy != REMEDY_DRIVER) {", "} else if (false) {"),
+           "    } else {\n        try_remedy(adapter, REMEDY_DRIVER, now_us);\n", "    } else {\n"),
     Mutant("a controller is closed and never opened again", "bluetooth.c",
            "    loop_arm(&adapter->timer, retry_next(&adapter->retry, now_us));\n", ""),
     Mutant("without Coded PHY nothing goes on the air", "bluetooth_answers.c",

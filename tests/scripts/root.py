@@ -68,8 +68,11 @@ class Appliance:
         self.write("settings", "".join(f"{name}={value}\n" for name, value in values.items()))
 
     def write(self, path, text):
-        (self.root / path).parent.mkdir(parents=True, exist_ok=True)
-        (self.root / path).write_text(text)
+        path = self.root / path
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if path.is_symlink():
+            path.unlink()  # one of BusyBox', by a link that here is the machine's own
+        path.write_text(text)
 
     def change(self, path, *replacements):
         """(old, new) in a script's text: a test needn't wait as long as the appliance does, or waits for something."""

@@ -234,8 +234,7 @@ def test_the_board_restarts_on_the_ground_and_once(appliance, make_driven, watch
 def test_armed_at_the_last_moment_nothing_is_remembered(appliance, make_driven, watch):
     """That radio's last remedy was gone, also over power-offs."""
     make_driven("hci0", *SERIAL)
-    appliance.write("bin/sync", "#!/bin/sh\necho armed once 1 said >/armed\n")
-    (appliance.root / "bin/sync").chmod(0o755)
+    appliance.change(RUN, ("&& sync; }", "&& echo armed once 1 said >/armed; }"))
     watch()
     say(appliance, "hci0 on-air 5", uptime_s=100)
     for uptime_s in (110, 120, 140, 180):
@@ -244,17 +243,30 @@ def test_armed_at_the_last_moment_nothing_is_remembered(appliance, make_driven, 
     assert not appliance.exists("data/odid/restarted-for-hci0")
 
 
-def test_a_radio_that_came_back_has_its_minute_once_more(appliance, make_driven, watch):
+@pytest.mark.parametrize("for_s, restarts", [(20, False), (2, True)])  # a moment at each new binding is no coming back
+def test_a_radio_that_came_back_has_its_minute_once_more(appliance, make_driven, watch, for_s, restarts):
     make_driven("hci0", *SERIAL)
     watch()
     say(appliance, "hci0 on-air 5", uptime_s=100)
     say(appliance, "hci0 stuck 0", uptime_s=110)
-    say(appliance, "hci0 on-air 5", uptime_s=120)
-    for uptime_s in (170, 190):
+    for uptime_s in range(150 - for_s, 150):
+        say(appliance, "hci0 on-air 5", uptime_s=uptime_s)
+    for uptime_s in (150, 180):
         say(appliance, "hci0 stuck 0", uptime_s=uptime_s)
-    assert "restarts" not in appliance.calls()
-    say(appliance, "hci0 stuck 0", uptime_s=240)
+    assert ("restarts" in appliance.calls()) == restarts
+    say(appliance, "hci0 stuck 0", uptime_s=250)
     assert "restarts" in appliance.calls()
+
+
+def test_on_a_full_disk_no_restart_is_remembered_that_was_not_made(appliance, make_driven, watch):
+    """The name was there, the octet wasn't: that radio's last remedy was gone."""
+    make_driven("hci0", *SERIAL)
+    appliance.change(RUN, ("{ echo >", "{ : >\"$mark\" && false >"))
+    watch()
+    say(appliance, "hci0 on-air 5", uptime_s=100)
+    for uptime_s in (110, 120, 140, 180):
+        say(appliance, "hci0 stuck 0", uptime_s=uptime_s)
+    assert "restarts" not in appliance.calls() and not appliance.exists("data/odid/restarted-for-hci0")
 
 
 @pytest.mark.parametrize("bluetooth, restarts", [

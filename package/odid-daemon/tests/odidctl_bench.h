@@ -174,7 +174,7 @@ static inline int call(const char *const words[])
 #define CALL(...) call((const char *const[]){__VA_ARGS__, NULL})
 
 /* A daemon that answers each question with that status, until it is ended. */
-static inline pid_t answer_with(const char *status)
+static inline pid_t answer_with_then(const char *status, const char *then)
 {
     struct sockaddr_un address = {.sun_family = AF_UNIX, .sun_path = "run/odid/status.sock"};
     int listener = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
@@ -191,10 +191,16 @@ static inline pid_t answer_with(const char *status)
         if (fd < 0 || write(fd, status, strlen(status)) < 0 || close(fd) < 0) {
             _exit(1);
         }
+        status = then;
     }
     close(listener);
     answering = child;
     return child;
+}
+
+static inline pid_t answer_with(const char *status)
+{
+    return answer_with_then(status, status);
 }
 
 static inline void end(pid_t child)

@@ -78,7 +78,7 @@ int nl80211_ask(struct nl_msg *question, nl80211_take *take, void *context)
     struct answers answers = {.take = take, .context = context, .awaited = true};
     int result;
 
-    if (question == NULL || radios == NULL) {
+    if (question == NULL || (radios == NULL && nl80211_open() < 0)) {
         nlmsg_free(question);
         return -NLE_NOMEM;
     }

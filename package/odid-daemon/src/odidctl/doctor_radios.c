@@ -178,6 +178,23 @@ static void judge_own_file(struct doctor *doctor, const char *path)
     }
 }
 
+/* It keeps ours from being started, and may be meant for another interface. */
+static void judge_whose_it_is(struct doctor *doctor, const char *iface)
+{
+    static const char path[] = "/etc/hostapd/hostapd.conf";
+    char ours[32];
+    unsigned line = doctor_line_beginning(doctor, path, "interface=");
+
+    snprintf(ours, sizeof(ours), "interface=%s", iface);
+    if (line != 0 && doctor_line_beginning(doctor, path, ours) == 0) {
+        doctor_tell(doctor, path, line,
+                    "call it /etc/hostapd/INTERFACE.conf, for hostapd@INTERFACE.service",
+                    "Your own hostapd is for another interface than %s, and by that file ours "
+                    "isn't started.",
+                    iface);
+    }
+}
+
 void doctor_hostapd(struct doctor *doctor)
 {
     const struct doctor_process *process = doctor_process(doctor, "hostapd");
@@ -189,6 +206,7 @@ void doctor_hostapd(struct doctor *doctor)
         return;
     }
     judge_own_file(doctor, "/etc/hostapd/hostapd.conf");
+    judge_whose_it_is(doctor, iface);
     snprintf(path, sizeof(path), "/etc/hostapd/%s.conf", iface);
     judge_own_file(doctor, path);
     if (process == NULL) {

@@ -42,6 +42,12 @@ int odidctl_factory_reset(const struct places *places)
     }
     snprintf(path, sizeof(path), "%s/" MARK, places->data);
     result = whole_file_replace(path, text, strlen(text), 0644);
+    why = armed_not_disarmed(places); /* a slow disk has taken its time */
+    if (result == 0 && why != NULL) {
+        unlink(path);
+        fprintf(stderr, "odidctl: %s: no factory reset.\n", why);
+        return ODIDCTL_NOT_GOOD;
+    }
     if (result < 0) {
         fprintf(stderr, "odidctl: %s: %s; nothing has changed.\n", path, strerror(-result));
         return ODIDCTL_NOT_GOOD;

@@ -175,6 +175,20 @@ static void factory_reset(void **state)
     end(daemon);
 }
 
+/* On a slow disk the mark takes seconds, and the board restarted in the air. */
+static void armed_meanwhile_nothing_is_reset(void **state)
+{
+    pid_t daemon = answer_with_then("{\"on_air\": true}", "{\"aircraft\": {\"armed\": true}}");
+
+    (void)state;
+    keep_armed("no");
+    shell("mkdir -p data/odid");
+    assert_int_equal(CALL("factory-reset"), 1);
+    assert_non_null(strstr(said, "The aircraft is armed: no factory reset."));
+    expect_none("data/odid/factory-reset");
+    end(daemon);
+}
+
 /* Then they matter most. */
 static void faults_without_a_daemon(void **state)
 {
@@ -284,6 +298,7 @@ int main(void)
         TEST(what_it_says_itself_counts_beside_an_old_no),
         TEST(radios_for_scripts),
         TEST(factory_reset),
+        TEST(armed_meanwhile_nothing_is_reset),
         TEST(faults_without_a_daemon),
         TEST(a_daemon_elsewhere),
         TEST(nonsense_for_an_answer),
