@@ -234,7 +234,8 @@ def test_what_another_daemon_heard_is_no_word_of_one_that_speaks_on(make_flight)
     assert "armed silent" in kept.read_text().splitlines()
 
 
-@pytest.mark.parametrize("words", [("-expect-vehicle", "1"), ()])  # as root's file has it; at the first power-on
+# As root's file has it; at the first power-on; and where somebody has changed the number since.
+@pytest.mark.parametrize("words", [("-expect-vehicle", "1"), (), ("-expect-vehicle", "7")])
 def test_one_that_says_all_but_heartbeats_from_the_start_is_no_absent_one(make_flight, words):
     """It counted as one that wasn't there: an update could restart the computer in the air."""
     flight = make_flight(kept=True)
@@ -250,6 +251,21 @@ def test_one_that_says_all_but_heartbeats_from_the_start_is_no_absent_one(make_f
     flight.at(10, setattr, flight.autopilot, "rewrite", None)
     flight.fly(12)
     assert {"armed no", "armed yes"} & set(kept.read_text().splitlines())
+
+
+def test_one_that_speaks_on_under_another_number_has_not_said_that_it_is_disarmed(make_flight):
+    """A station gave it one, and held its HEARTBEATs back: the last word stood, of one that was taken to be switched off."""
+    def changed(message):
+        message._header.srcSystem = 2
+        return message.get_type() != "HEARTBEAT"
+
+    flight = make_flight(kept=True)
+    kept = flight.world.root / "run/odid/kept"
+    flight.at(2.6, setattr, flight.autopilot, "rewrite", changed)
+    flight.fly(2.6)
+    assert "armed no" in kept.read_text().splitlines()
+    flight.fly(8)
+    assert "armed unsaid" in kept.read_text().splitlines()
 
 
 def test_one_that_is_switched_off_disarmed_has_said_it(make_flight):

@@ -194,7 +194,7 @@ static enum kept_armed word_of(const struct aircraft_condition *condition, int64
     bool unheard = !heard && self.kept.armed == KEPT_UNHEARD;
     /* One that a daemon before this one heard had its time to say a HEARTBEAT. */
     bool missing = telemetry_heartbeat_missing(self.telemetry, now_us) ||
-                   (!heard && !unheard && telemetry_vehicle_speaks(self.telemetry, now_us));
+                   (!heard && !unheard && telemetry_autopilot_speaks(self.telemetry, now_us));
 
     return condition->armed             ? KEPT_ARMED
            : condition->heartbeat_fresh ? KEPT_DISARMED

@@ -50,7 +50,7 @@ struct telemetry {
     uint16_t speaker;   /* but this one's (telemetry_update) */
     int vehicle_stream;
     int64_t latest_us;
-    int64_t first_us; /* the vehicle's, or of any autopilot while none is known; INT64_MIN before */
+    int64_t first_us;                 /* any autopilot's first frame; INT64_MIN */
     int64_t autopilots_us, others_us; /* any one's last frame, and of whoever is none; INT64_MIN */
     struct renamed renamed;
 };
@@ -336,10 +336,7 @@ static void take_frame(struct telemetry *telemetry, unsigned stream,
 
     if (message->compid == MAV_COMP_ID_AUTOPILOT1) {
         telemetry->autopilots_us = now_us;
-        if (telemetry->first_us == INT64_MIN &&
-            (telemetry->vehicle.system == 0 || from_autopilot(telemetry, message))) {
-            telemetry->first_us = now_us;
-        }
+        telemetry->first_us = telemetry->first_us == INT64_MIN ? now_us : telemetry->first_us;
     } else {
         telemetry->others_us = now_us;
     }
@@ -438,7 +435,12 @@ bool telemetry_vehicle_speaks(const struct telemetry *telemetry, int64_t now_us)
 bool telemetry_only_others_speak(const struct telemetry *telemetry, int64_t now_us)
 {
     return aircraft_fresh(telemetry->others_us, now_us) &&
-           !aircraft_fresh(telemetry->autopilots_us, now_us);
+           !telemetry_autopilot_speaks(telemetry, now_us);
+}
+
+bool telemetry_autopilot_speaks(const struct telemetry *telemetry, int64_t now_us)
+{
+    return aircraft_fresh(telemetry->autopilots_us, now_us);
 }
 
 bool telemetry_heartbeat_missing(const struct telemetry *telemetry, int64_t now_us)
@@ -446,12 +448,8 @@ bool telemetry_heartbeat_missing(const struct telemetry *telemetry, int64_t now_
     int64_t heartbeat_us = telemetry_heartbeat_us(telemetry);
     int64_t since_us = heartbeat_us != INT64_MIN ? heartbeat_us : telemetry->first_us;
 
-    if (telemetry->vehicle.system == 0) { /* of which of them it is nobody has said */
-        return aircraft_fresh(telemetry->autopilots_us, now_us) &&
-               telemetry->autopilots_us - since_us >= AIRCRAFT_FRESH_US;
-    }
-    return telemetry_vehicle_speaks(telemetry, now_us) &&
-           telemetry->latest_us - since_us >= AIRCRAFT_FRESH_US;
+    return telemetry_autopilot_speaks(telemetry, now_us) &&
+           telemetry->autopilots_us - since_us >= AIRCRAFT_FRESH_US;
 }
 
 bool telemetry_vehicle_signs(const struct telemetry *telemetry)

@@ -169,8 +169,11 @@ bool telemetry_vehicle_settled(const struct telemetry *telemetry);
 bool telemetry_vehicle_speaks(const struct telemetry *telemetry, int64_t now_us);
 /* Whole frames come, within 3 s, and none of any autopilot's: of a ground station, of a camera. */
 bool telemetry_only_others_speak(const struct telemetry *telemetry, int64_t now_us);
-/* For 3 s it has spoken on without a HEARTBEAT, or from its first word on without any: not one that
- * was switched off, whose last one came before its last word. */
+/* Does any autopilot speak, within 3 s, whatever its number? */
+bool telemetry_autopilot_speaks(const struct telemetry *telemetry, int64_t now_us);
+/* For 3 s one has spoken on without a HEARTBEAT that counts, or from its first word on without any:
+ * the vehicle may have another number by now. Not one that was switched off, whose last HEARTBEAT
+ * came before its last word. */
 bool telemetry_heartbeat_missing(const struct telemetry *telemetry, int64_t now_us);
 /* Was its autopilot's last frame signed (MAVLink 2)? */
 bool telemetry_vehicle_signs(const struct telemetry *telemetry);
