@@ -3,6 +3,7 @@
 import os
 import re
 import shutil
+import socket
 
 import pytest
 
@@ -154,14 +155,15 @@ def test_settings_are_changed_where_the_package_has_them(unpacked, tmp_path):
 def access_point(unpacked, tmp_path, interface, *words, **values):
     """The script's exit code, and what it wrote; below a root of its own."""
     root = tmp_path / "root"
-    (root / "run/odid-hostapd").mkdir(parents=True, exist_ok=True)
+    (root / "run").mkdir(parents=True, exist_ok=True)
     lines = {"wifi_beacon_enabled": "true", "wifi_iface": "wlan0", "country": "SE", "channel": "6", **values}
     told = root / "odidctl"
     told.write_text("#!/bin/sh\nprintf '%s\\n' " + " ".join(lines.values()) + "\n")
     told.chmod(0o755)
     text = (unpacked / "usr/lib/odid/hostapd-config").read_text()
     script = root / "hostapd-config"
-    script.write_text(text.replace("/run/odid-hostapd", f"{root}/run/odid-hostapd")
+    script.write_text(text.replace(" odid-hostapd", " root").replace(":odid-hostapd", ":root")
+                      .replace("=/run/", f"={root}/run/")
                       .replace("/usr/share/odid", f"{unpacked}/usr/share/odid").replace("$(odidctl", f"$({told}"))
     script.chmod(0o755)
     return call(script, interface, *words, check=False)[0], root / "run/odid-hostapd"
@@ -185,15 +187,42 @@ def test_the_access_point_that_is_made(unpacked, tmp_path):
 def test_another_interface_or_wi_fi_switched_off_has_no_access_point(unpacked, tmp_path, interface, values):
     for words in ((), ("check",)):
         code, folder = access_point(unpacked, tmp_path, interface, *words, **values)
-        assert code == 1 and list(folder.iterdir()) == []
+        assert code == 1 and not folder.exists()
 
 
 def test_whether_it_is_to_be_started_is_found_out_before_it_has_a_folder(unpacked, tmp_path):
     """systemd makes it after ExecCondition."""
     code, folder = access_point(unpacked, tmp_path, "wlan0", "check")
-    assert code == 0 and list(folder.iterdir()) == []
+    assert code == 0 and not folder.exists()
     unit = (unpacked / "lib/systemd/system/odid-hostapd@.service").read_text()
-    assert "\nExecCondition=/usr/lib/odid/hostapd-config %i check\n" in unit and "\nExecStartPre=/usr/lib/odid/hostapd-config %i\n" in unit
+    assert "\nExecCondition=/usr/lib/odid/hostapd-config %i check\n" in unit and "\nExecStartPre=+/usr/lib/odid/hostapd-config %i\n" in unit
+
+
+def test_what_a_taken_over_access_point_left_keeps_no_other_from_starting(unpacked, tmp_path, monkeypatch):
+    """A folder in a file's place did, with a mode of 0 or a socket in it, and what it wrote in the other one filled /run."""
+    config, sockets = tmp_path / "root/run/odid-hostapd", tmp_path / "root/run/hostapd"
+    for path in (config / "psk/a", config / "hostapd.conf/a", sockets / "wlan0/a/b"):
+        path.mkdir(parents=True)
+    for place in (config / "settings", sockets / "wlan0/a/socket", sockets / "more"):
+        with socket.socket(socket.AF_UNIX) as one:
+            monkeypatch.chdir(place.parent)  # the whole path is too long for one
+            one.bind(place.name)
+    (config / "psk").chmod(0)
+    (theirs := sockets / "wlan1").write_text("another hostapd's")
+    os.chown(theirs, 1, 1)
+    assert access_point(unpacked, tmp_path, "wlan0")[0] == 0
+    assert sorted(path.name for path in config.iterdir()) == ["hostapd.conf", "psk", "settings"]
+    assert all(path.is_file() for path in config.iterdir())
+    assert list(sockets.iterdir()) == [theirs]
+
+
+def test_it_can_write_nothing_that_root_reads(unpacked):
+    """A link to the watchdog: opened, and closed again, it restarted the computer a quarter of a minute later."""
+    unit = (unpacked / "lib/systemd/system/odid-hostapd@.service").read_text()
+    assert re.findall(r"^(?:ReadWritePaths|.*Directory)=(.*)$", unit, re.M) == ["-/run/hostapd"]
+    for name in ("apply-configuration", "hostapd-config"):
+        text = (unpacked / "usr/lib/odid" / name).read_text()
+        assert not re.search(r"[<>] *\$sockets|cat .*sockets|/run/hostapd/", text), name
 
 
 def watched(unpacked, tmp_path, answers, group=None):
@@ -207,8 +236,7 @@ def watched(unpacked, tmp_path, answers, group=None):
                      f'echo "$now" >{tmp_path}/now\nif [ "$now" = - ]; then rm -f $socket; elif [ ! -e $socket ]; then\n'
                      'python3 -c "import socket, sys; socket.socket(socket.AF_UNIX).bind(sys.argv[1])" $socket; fi\n',
             "hostapd_cli": f'read -r now <{tmp_path}/now; [ "$now" = y ] && echo state=ENABLED\n',
-            "pkill": f'echo "$*" >>{tmp_path}/ended\n', "chgrp": f'echo "$*" >{tmp_path}/given\n',
-            "stat": f"echo {group}\n"}.items():
+            "pkill": f'echo "$*" >>{tmp_path}/ended\n', "stat": f"echo {group}\n"}.items():
         (tools / name).write_text("#!/bin/sh\n" + text)
         (tools / name).chmod(0o755)
     script = tmp_path / "hostapd-watch"
@@ -225,12 +253,11 @@ def test_an_access_point_that_hangs_is_ended(unpacked, tmp_path, answers, times)
     assert watched(unpacked, tmp_path, answers) == ["-KILL -x -u odid-hostapd hostapd"] * times
 
 
-@pytest.mark.parametrize("group, given", [(None, False), ("netdev", False), ("root", True)])
-def test_a_folder_that_another_hostapd_has_given_away_is_the_daemon_s_again(unpacked, tmp_path, group, given):
+@pytest.mark.parametrize("group, times", [(None, 0), ("netdev", 0), ("root", 1)])
+def test_a_folder_that_another_hostapd_has_given_away_is_the_daemon_s_again(unpacked, tmp_path, group, times):
     """After the daemon's next start Wi-Fi had the place that it was told before."""
     os.chown(tmp_path, -1, os.getegid() + (group is not None))
-    watched(unpacked, tmp_path, "yy", group)
-    assert (tmp_path / "given").exists() == given
+    assert watched(unpacked, tmp_path, "y", group) == ["-KILL -x -u odid-hostapd hostapd"] * times
 
 
 def test_the_access_point_alone_is_watched(unpacked):
@@ -241,14 +268,14 @@ def test_the_access_point_alone_is_watched(unpacked):
 
 
 def apply(unpacked, folder, armed="disarmed never 0 said"):
-    """apply-configuration's exit code, and what it had systemd do; what hostapd runs with is in `.settings`."""
+    """apply-configuration's exit code, and what it had systemd do; what hostapd runs with is in `settings`."""
     for name, text in {
             "odidctl": f"case $1 in armed) echo '{armed}' ;; get) [ $# -gt 2 ] && printf 'true\\nlo\\nSE\\n6\\n' || echo lo ;; esac\n",
             "systemctl": f'echo "$*" >>{folder}/calls\n'}.items():
         (folder / name).write_text("#!/bin/sh\n" + text)
         (folder / name).chmod(0o755)
     script = folder / "apply-configuration"
-    script.write_text((unpacked / "usr/lib/odid/apply-configuration").read_text().replace("/run/odid-hostapd", f"{folder}/")
+    script.write_text((unpacked / "usr/lib/odid/apply-configuration").read_text().replace("/run/odid-hostapd", str(folder))
                       .replace("/usr/lib/odid", f"{unpacked}/usr/lib/odid"))
     code = call("env", f"PATH={folder}:/usr/bin:/bin", "sh", script, check=False)[0]
     return code, (folder / "calls").read_text().splitlines() if (folder / "calls").exists() else []
@@ -260,7 +287,7 @@ ANEW = ["stop odid-hostapd@*.service odid-beacons@*.service", "start odid-hostap
 @pytest.mark.parametrize("runs_with, calls", [
     ("true\nlo\nSE\n6\n", ["try-restart odid-beacons@lo.service"]), ("true\nlo\nSE\n11\n", ANEW), (None, ANEW)])
 def test_what_is_saved_restarts_what_it_concerns(unpacked, tmp_path, runs_with, calls):
-    settings = tmp_path / ".settings"
+    settings = tmp_path / "settings"
     if runs_with:
         settings.write_text(runs_with)
     assert apply(unpacked, tmp_path) == (0, calls)
@@ -271,14 +298,6 @@ def test_what_is_saved_restarts_what_it_concerns(unpacked, tmp_path, runs_with, 
 @pytest.mark.parametrize("armed", ["armed once 1 said", "unknown never 1 unsaid", ""])
 def test_what_is_saved_restarts_nothing_in_the_air(unpacked, tmp_path, armed):
     assert apply(unpacked, tmp_path, armed) == (1, [])
-
-
-def test_root_opens_nothing_that_hostapd_s_user_can_put_there(unpacked):
-    """A link to the watchdog: opened, and closed again, it restarted the computer a quarter of a minute later."""
-    assert "/run/odid-hostapd/" not in (unpacked / "usr/lib/odid/apply-configuration").read_text()
-    unit = (unpacked / "lib/systemd/system/odid-hostapd@.service").read_text()
-    assert re.findall("/run/[^ ]*hostapd[^ ']*", "".join(re.findall(r"^Exec\w+=-?\+.*$", unit, re.M))) == [
-        "/run/hostapd", "/run/odid-hostapd", "/run/hostapd/%i*", "/run/odid-hostapd.settings"]
 
 
 def test_where_the_settings_are_not_known_the_access_point_is_tried_again(unpacked, tmp_path):

@@ -162,6 +162,19 @@ int whole_file_replace(const char *path, const char *text, size_t length, mode_t
     return sync_directory(directory);
 }
 
+int whole_file_remove(const char *path)
+{
+    char directory[PATH_SIZE], new_path[PATH_SIZE];
+
+    if (!beside(path, directory, new_path)) {
+        return -ENAMETOOLONG;
+    }
+    if (unlink(path) < 0) {
+        return errno == ENOENT ? 0 : -errno;
+    }
+    return sync_directory(directory);
+}
+
 /* A file that only its owner may open: who can open one, if only to read it, can hold its lock. */
 int whole_file_lock(const char *directory)
 {

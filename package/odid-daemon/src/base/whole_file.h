@@ -22,6 +22,10 @@ void whole_file_line(const char *path, char *out, size_t size);
  */
 int whole_file_replace(const char *path, const char *text, size_t length, mode_t mode);
 
+/* Removes a file, so that it doesn't come back with the power. Returns 0, also when there was none,
+ * or -errno: then it may be there still, or again. */
+int whole_file_remove(const char *path);
+
 /* Keeps others with whole_file_lock on this folder out, until the descriptor is closed. Returns
  * it, or -errno. */
 int whole_file_lock(const char *directory);

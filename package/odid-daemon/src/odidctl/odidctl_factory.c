@@ -43,13 +43,17 @@ int odidctl_factory_reset(const struct places *places)
     snprintf(path, sizeof(path), "%s/" MARK, places->data);
     result = whole_file_replace(path, text, strlen(text), 0644);
     why = armed_not_disarmed(places); /* a slow disk has taken its time */
-    if (result == 0 && why != NULL) {
-        unlink(path);
-        fprintf(stderr, "odidctl: %s: no factory reset.\n", why);
-        return ODIDCTL_NOT_GOOD;
-    }
-    if (result < 0) {
-        fprintf(stderr, "odidctl: %s: %s; nothing has changed.\n", path, strerror(-result));
+    if (result < 0 || why != NULL) {
+        int removed = whole_file_remove(path);
+
+        if (result < 0) {
+            fprintf(stderr, "odidctl: %s: %s", path, strerror(-result));
+        } else {
+            fprintf(stderr, "odidctl: %s: no factory reset", why);
+        }
+        fputs(removed == 0 ? "; nothing has changed.\n"
+                           : "; but the next start may make one, for it can't be called off.\n",
+              stderr);
         return ODIDCTL_NOT_GOOD;
     }
     puts("At its next start the board forgets its settings, passwords and keys, and takes over "

@@ -238,7 +238,9 @@ void service_restart_board(struct service *self)
     sync(); /* which takes its time: nobody may have armed meanwhile */
     json_object_put(ask_daemon(self, &board));
     if (board.armed) {
-        unlink(MAINTENANCE_AGAIN); /* else it would open at some later power-on */
+        /* Else it would open at some later power-on. */
+        service_complain("maintenance's mark can't be removed",
+                         whole_file_remove(MAINTENANCE_AGAIN));
         log_info("update: the aircraft is armed: the restart waits");
         return;
     }

@@ -61,19 +61,9 @@ int update_write_state(const char *directory, const struct update *update)
 static int remove_durably(const char *data, const char *name)
 {
     char path[PATH_SIZE];
-    int fd, result;
 
     snprintf(path, sizeof(path), "%s/%s", data, name);
-    if (unlink(path) < 0) {
-        return errno == ENOENT ? 0 : -errno;
-    }
-    *strrchr(path, '/') = '\0';
-    fd = open(path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    result = fd < 0 || fsync(fd) < 0 ? -errno : 0;
-    if (fd >= 0) {
-        close(fd);
-    }
-    return result;
+    return whole_file_remove(path);
 }
 
 static int remember_failed(const char *data, const struct update_result *result)
