@@ -165,5 +165,5 @@ def test_the_doctor_says_in_it_what_it_can_t_do(running):
     patience.wait_for("an answer", lambda: "Channels" in running("exec", "odid", "/usr/bin/odidctl", "status", check=False)[1])
     code, said = running("exec", "odid", "/usr/bin/odidctl", "doctor", check=False)
     assert code == 1
-    for words in ("--device /dev/rfkill", "-v /run/hostapd:/run/hostapd", "neither firmware nor other programs"):
+    for words in ("--device /dev/rfkill", "-v /run/hostapd:/run/odid-hostapd/control", "neither firmware nor other programs"):
         assert words in said

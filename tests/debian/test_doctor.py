@@ -28,6 +28,8 @@ HEALTHY = {
     "lib/systemd/system/odid-hostapd@.service": "[Service]\n",
     "etc/odid/odid.conf": "[basic_id]\nuas_id = SSRS5GBG01\n",
 }
+OF_ONES_OWN = "ctrl_interface=/run/hostapd\nctrl_interface_group=netdev\n"
+CONFIGURED = {"etc/odid/odid.conf": HEALTHY["etc/odid/odid.conf"] + "[broadcast]\nhostapd_dir = /run/hostapd\n"}
 NOBODY = "Nothing here is seen to disturb Remote ID.\n"
 
 
@@ -92,11 +94,17 @@ ILLNESSES = {
     "a hostapd of one's own without a socket": (
         {"etc/hostapd/hostapd.conf": "interface=wlan0\nctrl_interface_group=0\n"},
         "no control socket", "ctrl_interface_group=netdev", "/etc/hostapd/hostapd.conf:2"),
+    "a hostapd of one's own whose folder isn't configured": (
+        {"etc/hostapd/hostapd.conf": OF_ONES_OWN}, "no control socket", r"\[broadcast\] hostapd_dir = /run/hostapd",
+        "/etc/hostapd/hostapd.conf:2"),
+    "a hostapd of one's own that nobody gets at": (
+        {"etc/hostapd/hostapd.conf": OF_ONES_OWN.replace("netdev", "0"), **CONFIGURED}, "no control socket",
+        "ctrl_interface_group=netdev", "/etc/hostapd/hostapd.conf:2"),
     "a hostapd of one's own for another interface": (
-        {"etc/hostapd/hostapd.conf": "interface=wlan1\nctrl_interface=/run/hostapd\nctrl_interface_group=netdev\n"},
+        {"etc/hostapd/hostapd.conf": f"interface=wlan1\n{OF_ONES_OWN}", **CONFIGURED},
         "is for another interface than wlan0", "hostapd@INTERFACE.service", "/etc/hostapd/hostapd.conf:1"),
     "a hostapd of one's own with elements": (
-        {"etc/hostapd/wlan0.conf": "ctrl_interface=/run/hostapd\nctrl_interface_group=netdev\nvendor_elements=dd00\n"},
+        {"etc/hostapd/wlan0.conf": f"{OF_ONES_OWN}vendor_elements=dd00\n", **CONFIGURED},
         "sets vendor elements itself", "take the line out", "/etc/hostapd/wlan0.conf:3"),
     "somebody has the port open": (
         process(400, "mavproxy.py", "python3 /usr/bin/mavproxy.py"), r"mavproxy.py \(process 400\) has /dev/ttyACM0 open",
@@ -175,7 +183,9 @@ HARMLESS = {
         **process(400, "gpsd", "/usr/sbin/gpsd"), "etc/default/gpsd": 'DEVICES="/dev/ttyAMA3"\nUSBAUTO="false"\n'},
     "dhcpcd that was told": {**process(400, "dhcpcd", "dhcpcd"), "etc/dhcpcd.conf": "denyinterfaces wlan0\n"},
     "an editor with our file": process(400, "vi", "vi /etc/odid/odid.conf"),
-    "a hostapd of one's own": {"etc/hostapd/hostapd.conf": "ctrl_interface=/run/hostapd\nctrl_interface_group=netdev\n"},
+    "a hostapd of one's own": {"etc/hostapd/hostapd.conf": OF_ONES_OWN, **CONFIGURED},
+    "a hostapd of one's own by the older name": {
+        "etc/hostapd/hostapd.conf": OF_ONES_OWN.replace("/run", "/var/run"), **CONFIGURED},
     "our own units in /etc": {"etc/systemd/system/odid.service.d/mine.conf": "[Service]\nExecStart=odid-keeper\n"},
 }
 
@@ -214,9 +224,9 @@ def test_in_a_container_it_says_what_that_keeps_from_it(computer):
     computer.add({"run/.containerenv": "", **ILLNESSES["no real-time priority"][0]})
     code, said = computer.doctor()
     assert code == 1
-    for words in ("--ulimit rtprio=20", "--device /dev/rfkill", "-v /run/hostapd:/run/hostapd", "neither firmware nor other programs"):
+    for words in ("--ulimit rtprio=20", "--device /dev/rfkill", "-v /run/hostapd:/run/odid-hostapd/control", "neither firmware nor other programs"):
         assert words in said
-    computer.add({"dev/rfkill": "", "run/hostapd/wlan0": "", "proc/301/stat": HEALTHY["proc/301/stat"]})
+    computer.add({"dev/rfkill": "", "run/odid-hostapd/control/wlan0": "", "proc/301/stat": HEALTHY["proc/301/stat"]})
     code, said = computer.doctor()
     assert code == 0 and "Remedy" not in said
 

@@ -119,23 +119,14 @@ def test_the_access_point_switches_no_radio_off(companion):
     assert companion.run(f"setpriv --reuid {uid} --regid {gid} --clear-groups sh -c ': </dev/rfkill'").code == 0
 
 
-def test_a_folder_that_another_hostapd_has_taken_is_the_daemon_s_again(companion):
-    """One with its socket in the same folder gives it to its own group at its start."""
-    companion.must("chgrp root /run/hostapd && touch /run/hostapd/theirs")
-    companion.wait_for("it to be given back", lambda: companion.must("stat -c %G /run/hostapd").strip() == "odid-hostapd")
-    companion.must("systemctl restart odid")
-    companion.wait_on_air(position=True)
-    companion.must("rm /run/hostapd/theirs")
-
-
 def test_what_a_taken_over_access_point_left_keeps_no_other_from_starting(companion):
     """Its user's word for it: folders, sockets and a mode of 0 in each place where it may write."""
     uid, gid = companion.must("id -u odid-hostapd; id -g odid-hostapd").split()
     as_hostapd = f"setpriv --reuid {uid} --regid {gid} --clear-groups"
-    companion.must(f"{as_hostapd} sh -c 'rm /run/hostapd/wlan0; mkdir -p /run/hostapd/wlan0/a && chmod 0 /run/hostapd/wlan0'")
+    companion.must(f"{as_hostapd} sh -c 'cd /run/odid-hostapd/control && rm wlan0 && mkdir -p wlan0/a && chmod 0 wlan0'")
     assert companion.run(f"{as_hostapd} sh -c 'rm -f /run/odid-hostapd/*; mkdir /run/odid-hostapd/a'").code != 0
     companion.must("kill -KILL $(pidof hostapd)")
-    companion.wait_for("its socket", lambda: companion.run("test -S /run/hostapd/wlan0").code == 0)
+    companion.wait_for("its socket", lambda: companion.run("test -S /run/odid-hostapd/control/wlan0").code == 0)
     companion.wait_on_air(position=True)
 
 
@@ -145,7 +136,7 @@ def test_another_interface_takes_nothing_from_the_one_that_is_used(companion):
     try:
         companion.wait_for("systemd to have looked at it", lambda: "exec-condition" in companion.must(
             "systemctl show -P Result odid-hostapd@other0; systemctl show -P Result odid-beacons@other0"))
-        companion.must("test -S /run/hostapd/wlan0 && test -e /run/odid-hostapd/hostapd.conf && test -e /run/odid-beacons/count")
+        companion.must("test -S /run/odid-hostapd/control/wlan0 && test -e /run/odid-hostapd/hostapd.conf && test -e /run/odid-beacons/count")
     finally:
         companion.run("iw dev other0 del")
 

@@ -985,6 +985,13 @@ def test_what_is_saved_counts_for_what_starts_anew_once_it_is_applied_and_not_be
     assert appliance.read("run/odid-appliance/odid.conf") == "saved since\n"
 
 
+def test_the_daemon_s_memory_has_an_end(appliance):
+    """Taken over, or by a leak, it had all others ended for want of memory, and the board restarted, in the air as well."""
+    appliance.write("usr/bin/odid-keeper", "#!/bin/sh\nulimit -v >/limit\n")
+    appliance.must("chmod 755 /usr/bin/odid-keeper && /etc/sv/odid-daemon/run")
+    assert appliance.read("limit") == "131072\n"
+
+
 LOCK = """#!/bin/sh
 [ "$(readlink /proc/$PPID/fd/$1)" = /run/lock/access-point ] || exit 1
 echo locked >>/calls

@@ -12,6 +12,13 @@
 
 #define AT(field) offsetof(struct config, field)
 
+/* A companion computer may have a hostapd of its own, which makes the usual folder its own. */
+#ifdef ODID_COMPANION
+#define HOSTAPD_DIR "/run/odid-hostapd/control"
+#else
+#define HOSTAPD_DIR "/run/hostapd"
+#endif
+
 /* What the daemon takes no notice of. */
 static const char *const of_the_appliance[] = {"autopilot",   "ground_station", "wifi",
                                                "maintenance", "update",         "board"};
@@ -46,7 +53,7 @@ const struct config_key config_keys[] = {
     {"broadcast", "bt5_enabled", "true", AT(bt5_enabled), &config_rule_boolean},
     {"broadcast", "wifi_beacon_enabled", "true", AT(wifi_beacon_enabled), &config_rule_boolean},
     {"broadcast", "wifi_iface", "wlan0", AT(wifi_iface), &config_rule_interface},
-    {"broadcast", "hostapd_dir", "/run/hostapd", AT(hostapd_dir), &config_rule_directory},
+    {"broadcast", "hostapd_dir", HOSTAPD_DIR, AT(hostapd_dir), &config_rule_directory},
     {"broadcast", "bt_adapter", "hci0", AT(bt_adapter), &config_rule_adapter},
     {"broadcast", "bt5_adapter", "", AT(bt5_adapter), &config_rule_second_adapter},
     {"bench", "latitude", "", AT(bench_latitude_deg), &config_rule_latitude},

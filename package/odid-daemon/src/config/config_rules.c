@@ -270,12 +270,20 @@ static bool is_path(const char *text)
 
 #define LETTERS_AND_DIGITS "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789"
 
-/* The kernel takes far more; but this gets into hostapd's configuration and the network filter's.
- */
+/* The kernel takes far more; but this gets into hostapd's configuration and the network filter's. A
+ * hyphen stands for a slash in the names of systemd's units. */
+#ifdef ODID_COMPANION
+#define BETWEEN "._"
+#define AN_INTERFACE "an interface such as wlan0, at most 15 bytes, without a hyphen"
+#else
+#define BETWEEN "._-"
+#define AN_INTERFACE "an interface such as wlan0, at most 15 bytes"
+#endif
+
 static bool is_interface(const char *text)
 {
     return text[0] != '\0' && strchr(LETTERS_AND_DIGITS, text[0]) != NULL &&
-           text[strspn(text, LETTERS_AND_DIGITS "._-")] == '\0' && strcmp(text, "lo") != 0;
+           text[strspn(text, LETTERS_AND_DIGITS BETWEEN)] == '\0' && strcmp(text, "lo") != 0;
 }
 
 static bool is_user(const char *text)
@@ -313,8 +321,7 @@ const struct config_rule config_rule_device =
     TEXT_RULE(CONFIG_PATH_SIZE, is_path, "a path such as /dev/ttyACM0, at most 107 bytes");
 const struct config_rule config_rule_directory =
     TEXT_RULE(DIRECTORY_SIZE, is_path, "an absolute path, at most 80 bytes");
-const struct config_rule config_rule_interface =
-    TEXT_RULE(16, is_interface, "an interface such as wlan0, at most 15 bytes");
+const struct config_rule config_rule_interface = TEXT_RULE(16, is_interface, AN_INTERFACE);
 const struct config_rule config_rule_listener =
     TEXT_RULE(16, is_listener, "an interface such as wlan1, at most 15 bytes, or \"\"");
 const struct config_rule config_rule_user =

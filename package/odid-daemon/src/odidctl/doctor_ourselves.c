@@ -188,8 +188,12 @@ void doctor_container(struct doctor *doctor)
     }
     if (doctor->config->wifi_beacon_enabled &&
         !doctor_exists(doctor, "%s/%s", doctor->config->hostapd_dir, doctor->config->wifi_iface)) {
-        doctor_tell(doctor, NULL, 0,
-                    "run hostapd around it, and give its folder in: -v /run/hostapd:/run/hostapd",
+        char remedy[CONFIG_PATH_SIZE + 80];
+
+        snprintf(remedy, sizeof(remedy),
+                 "run hostapd around it, and give its folder in: -v /run/hostapd:%s",
+                 doctor->config->hostapd_dir);
+        doctor_tell(doctor, NULL, 0, remedy,
                     "In this container hostapd's control socket isn't there: nothing is on the air "
                     "by Wi-Fi.");
     }

@@ -159,7 +159,7 @@ static unsigned hostapd_version(const struct doctor *doctor, int pid, char text[
 /* A person's own: hostapd.conf for hostapd.service, INTERFACE.conf for hostapd@INTERFACE. */
 static void judge_own_file(struct doctor *doctor, const char *path)
 {
-    char line[DOCTOR_LINE_SIZE];
+    char line[DOCTOR_LINE_SIZE], folder[CONFIG_PATH_SIZE + 24], older[CONFIG_PATH_SIZE + 24];
     unsigned group = doctor_line_beginning(doctor, path, "ctrl_interface_group=");
     unsigned elements = doctor_line_beginning(doctor, path, "vendor_elements=");
 
@@ -167,10 +167,16 @@ static void judge_own_file(struct doctor *doctor, const char *path)
     if (!doctor_exists(doctor, "%s", path)) {
         return;
     }
-    if (doctor_line_beginning(doctor, path, "ctrl_interface=") == 0 || group == 0) {
-        doctor_tell(doctor, path, group,
-                    "add the lines ctrl_interface=/run/hostapd and ctrl_interface_group=netdev",
-                    "Your own hostapd has no control socket that the daemon can use.");
+    snprintf(folder, sizeof(folder), "ctrl_interface=%s", doctor->config->hostapd_dir);
+    snprintf(older, sizeof(older), "ctrl_interface=/var%s", doctor->config->hostapd_dir);
+    if ((doctor_line_beginning(doctor, path, folder) == 0 &&
+         doctor_line_beginning(doctor, path, older) == 0) ||
+        doctor_line_beginning(doctor, path, "ctrl_interface_group=netdev") == 0) {
+        doctor_tell(
+            doctor, path, group,
+            "have there ctrl_interface=/run/hostapd and ctrl_interface_group=netdev, and in "
+            "odid.conf [broadcast] hostapd_dir = /run/hostapd",
+            "Your own hostapd has no control socket that the daemon can use.");
     }
     if (elements > 0) {
         doctor_tell(doctor, path, elements, "take the line out: the daemon alone sets these",
