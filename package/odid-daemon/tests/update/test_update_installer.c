@@ -106,9 +106,8 @@ static void tell_that_all_is_said(int orders)
  * the client's Channel and JSON, Update state that it asked for, (server's, local one's; see
  * say_progress) progress; a word for each time that somebody begins to listen, who is sent away at
  * its end, and dots in it where an order is awaited. */
-static void serve(const char *history, int orders, int progress)
+static void serve(const char *history, int orders, int control, int progress)
 {
-    int control = listen_at(get_ctrl_socket());
     ipc_message message;
 
     for (;;) {
@@ -147,8 +146,10 @@ static struct swupdate start(const char *history)
     one.orders = ends[1];
     one.pid = child = fork();
     if (one.pid == 0) {
+        int control = listen_at(get_ctrl_socket()); /* it is asked for after the other one */
+
         close(ends[1]);
-        serve(history, ends[0], listen_at(get_prog_socket()));
+        serve(history, ends[0], control, listen_at(get_prog_socket()));
     }
     close(ends[0]);
     return one;
