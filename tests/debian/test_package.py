@@ -200,7 +200,7 @@ def test_another_interface_or_wi_fi_switched_off_has_no_access_point(unpacked, t
 
 
 def test_whether_it_is_to_be_started_is_found_out_before_it_has_a_folder(unpacked, tmp_path):
-    """systemd makes it after ExecCondition."""
+    """ExecCondition is its user's, who may make none."""
     code, folder = access_point(unpacked, tmp_path, "wlan0", "check")
     assert code == 0 and not folder.exists()
     unit = (unpacked / "lib/systemd/system/odid-hostapd@.service").read_text()

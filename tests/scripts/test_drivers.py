@@ -196,6 +196,13 @@ def test_what_was_pulled_has_its_time_when_it_is_plugged_in_again(appliance, mak
     assert driven.asked("bind")
 
 
+def stays_away(appliance, radio, *beside):
+    """For more than a minute, in which its driver was bound anew four times."""
+    say(appliance, *beside, f"{radio} on-air 5", uptime_s=100)
+    for uptime_s in (110, 120, 140, 180):
+        say(appliance, *beside, f"{radio} stuck 0", uptime_s=uptime_s)
+
+
 @pytest.mark.parametrize("files, gone, restarts", [
     ({}, None, True),
     ({"armed": "armed once 1\n"}, None, False),
@@ -236,9 +243,7 @@ def test_armed_at_the_last_moment_nothing_is_remembered(appliance, make_driven, 
     make_driven("hci0", *SERIAL)
     appliance.change(RUN, ("&& sync; }", "&& echo armed once 1 said >/armed; }"))
     watch()
-    say(appliance, "hci0 on-air 5", uptime_s=100)
-    for uptime_s in (110, 120, 140, 180):
-        say(appliance, "hci0 stuck 0", uptime_s=uptime_s)
+    stays_away(appliance, "hci0")
     assert "armed once" in appliance.read("armed") and "restarts" not in appliance.calls()
     assert not appliance.exists("data/odid/restarted-for-hci0")
 
@@ -263,9 +268,7 @@ def test_on_a_full_disk_no_restart_is_remembered_that_was_not_made(appliance, ma
     make_driven("hci0", *SERIAL)
     appliance.change(RUN, ("{ echo >", "{ : >\"$mark\" && false >"))
     watch()
-    say(appliance, "hci0 on-air 5", uptime_s=100)
-    for uptime_s in (110, 120, 140, 180):
-        say(appliance, "hci0 stuck 0", uptime_s=uptime_s)
+    stays_away(appliance, "hci0")
     assert "restarts" not in appliance.calls() and not appliance.exists("data/odid/restarted-for-hci0")
 
 
@@ -275,9 +278,7 @@ def test_for_wi_fi_alone_the_board_is_not_restarted(appliance, make_driven, watc
     """Whoever kept the channel busy for a minute silenced Bluetooth as well, which was fine."""
     make_driven("wlan0", *SDIO)
     watch()
-    say(appliance, bluetooth, "wlan0 on-air 5", uptime_s=100)
-    for uptime_s in (110, 120, 140, 180):
-        say(appliance, bluetooth, "wlan0 stuck 0", uptime_s=uptime_s)
+    stays_away(appliance, "wlan0", bluetooth)
     assert appliance.calls().count("restarts") == restarts
 
 

@@ -173,7 +173,8 @@ static inline int call(const char *const words[])
 
 #define CALL(...) call((const char *const[]){__VA_ARGS__, NULL})
 
-/* A daemon that answers each question with that status, until it is ended. */
+/* A daemon that answers the first question with a status, and each one after it with another, until
+ * it is ended. */
 static inline pid_t answer_with_then(const char *status, const char *then)
 {
     struct sockaddr_un address = {.sun_family = AF_UNIX, .sun_path = "run/odid/status.sock"};
@@ -198,6 +199,7 @@ static inline pid_t answer_with_then(const char *status, const char *then)
     return child;
 }
 
+/* To each question the same one. */
 static inline pid_t answer_with(const char *status)
 {
     return answer_with_then(status, status);

@@ -156,7 +156,9 @@ static unsigned hostapd_version(const struct doctor *doctor, int pid, char text[
     return major * 100 + minor * (major > 0);
 }
 
-/* A person's own: hostapd.conf for hostapd.service, INTERFACE.conf for hostapd@INTERFACE. */
+/* A person's own: this one for hostapd.service, INTERFACE.conf for hostapd@INTERFACE. */
+static const char own_file[] = "/etc/hostapd/hostapd.conf";
+
 static void judge_own_file(struct doctor *doctor, const char *path)
 {
     char line[DOCTOR_LINE_SIZE], folder[CONFIG_PATH_SIZE + 24], older[CONFIG_PATH_SIZE + 24];
@@ -187,13 +189,12 @@ static void judge_own_file(struct doctor *doctor, const char *path)
 /* It keeps ours from being started, and may be meant for another interface. */
 static void judge_whose_it_is(struct doctor *doctor, const char *iface)
 {
-    static const char path[] = "/etc/hostapd/hostapd.conf";
     char ours[32];
-    unsigned line = doctor_line_beginning(doctor, path, "interface=");
+    unsigned line = doctor_line_beginning(doctor, own_file, "interface=");
 
     snprintf(ours, sizeof(ours), "interface=%s", iface);
-    if (line != 0 && doctor_line_beginning(doctor, path, ours) == 0) {
-        doctor_tell(doctor, path, line,
+    if (line != 0 && doctor_line_beginning(doctor, own_file, ours) == 0) {
+        doctor_tell(doctor, own_file, line,
                     "call it /etc/hostapd/INTERFACE.conf, for hostapd@INTERFACE.service",
                     "Your own hostapd is for another interface than %s, and by that file ours "
                     "isn't started.",
@@ -211,7 +212,7 @@ void doctor_hostapd(struct doctor *doctor)
     if (!doctor->config->wifi_beacon_enabled) {
         return;
     }
-    judge_own_file(doctor, "/etc/hostapd/hostapd.conf");
+    judge_own_file(doctor, own_file);
     judge_whose_it_is(doctor, iface);
     snprintf(path, sizeof(path), "/etc/hostapd/%s.conf", iface);
     judge_own_file(doctor, path);

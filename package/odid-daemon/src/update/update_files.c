@@ -1,7 +1,6 @@
 #include "update/update_files.h"
 
 #include <errno.h>
-#include <fcntl.h>
 #include <json-c/json_tokener.h>
 #include <stdio.h>
 #include <stdlib.h>
