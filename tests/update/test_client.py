@@ -54,6 +54,7 @@ def start(server, tmp_path):
             except subprocess.TimeoutExpired:  # its threads are cancelled, whatever they hold
                 one.kill()
                 one.wait()
+            print((tmp_path / "log").read_text(errors="replace"))  # shown where a test fails
         started.clear()
 
     def start(ustate=""):
@@ -159,6 +160,20 @@ def test_one_whose_trial_is_to_come_isn_t_fetched_again(server, start, no_bundle
     start(INSTALLED)
     more_polls(server)
     assert not server.downloads and "closed" not in server.executions("35") and not server.violations
+
+
+@pytest.mark.parametrize("called_off", [True, False], ids=["called off", "offered"])
+def test_nothing_is_told_while_nobody_says_whether_a_trial_is_to_come(server, start, no_bundle, tmp_path, called_off):
+    """The client's two processes end one after the other. What asked in between was told "closed", and tried afterwards; or
+    it was fetched once more."""
+    server.offer(38, no_bundle, OFFERED)
+    start(INSTALLED)
+    more_polls(server)
+    server.feedback.clear()
+    (tmp_path / "sockinstctrl").unlink()
+    server.cancelling = called_off
+    more_polls(server)
+    assert not server.cancelled and not server.feedback and not server.downloads and not server.violations
 
 
 def test_one_that_is_called_off_before_its_trial_is_answered_after_it(server, start, no_bundle):
