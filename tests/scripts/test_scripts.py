@@ -1871,9 +1871,10 @@ def test_a_factory_reset_forgets_nothing_that_config_can_t_bring_back(appliance,
 def with_data(appliance):
     """/data on a disk that is a file, with what mounts it played."""
     appliance.write("dev/disk/odid/data", "\0" * 4096)
-    appliance.change("etc/init.d/S30data", ("[ ! -b ", "[ ! -e "), (". /lib/odid/functions", (
-        ". /lib/odid/functions; mount() { echo mount $* >>/calls; }; umount() { echo umount $* >>/calls; }; mountpoint() { ! cat /unmounted; }; "
-        "blockdev() { cat /getro; }; read_only() { [ $1 = /data ] && [ -e /read-only ]; }")))
+    appliance.change("etc/init.d/S30data", ("[ ! -b ", "[ ! -e "), ("[ -b ", "[ -e "), (". /lib/odid/functions", (
+        ". /lib/odid/functions; mount() { while [ -e /hangs ] && [ $2 = ext4 ]; do usleep 20000; done; echo mount $* >>/calls; }; "
+        "umount() { echo umount $* >>/calls; }; mountpoint() { ! cat /unmounted; }; "
+        "blockdev() { cat /getro; }; read_only() { [ $1 = /run/looked ] && [ -e /read-only ]; }")))
     appliance.write("getro", "0\n")
     appliance.write("etc/odid/odid.conf", "the image's\n")
     for name, text in {"e2fsck": NOTES, "fsync": "#!/bin/sh\n[ ! -e /turns ] || { : >/read-only; exit 1; }\n"}.items():
@@ -2041,7 +2042,7 @@ def test_a_state_that_cannot_be_read_ends_nothing(with_data):
 
 def test_whatever_ends_the_script_there_is_a_data(with_data):
     with_data.write("unmounted", "")
-    with_data.change("etc/init.d/S30data", ("has_errors() {", "has_errors() {\n\techo $(( & 2))"))
+    with_data.change("etc/init.d/S30data", ("case $state in\nwhole)", "case $(( & 2)) in\nwhole)"))
     assert with_data.run("/etc/init.d/S30data").returncode != 0
     assert "lost at power-off" in with_data.fault("data") and "mount -t tmpfs" in "\n".join(with_data.calls())
     assert "umount /run/old-data" in with_data.calls()  # what could be read was copied
@@ -2054,7 +2055,7 @@ def test_data_is_full_only_where_there_is_no_room(with_data, free, said):
     with_data.write("free", free + "\n")
     with_data.change("etc/init.d/S30data", (". /lib/odid/functions", ". /lib/odid/functions; fsync() { false; }; stat() { cat /free; }"))
     with_data.must("/etc/init.d/S30data")
-    assert said in with_data.fault("data") and "umount /data" not in with_data.calls()
+    assert said in with_data.fault("data") and "mount --move /run/looked /data" in with_data.calls()
 
 
 def test_data_that_turns_read_only_at_the_first_write_is_a_broken_one(with_data):
@@ -2062,7 +2063,52 @@ def test_data_that_turns_read_only_at_the_first_write_is_a_broken_one(with_data)
     with_data.write("turns", "")
     with_data.write("getro", "1\n")  # else it is mended in the background
     with_data.must("/etc/init.d/S30data")
-    assert "umount /data" in with_data.calls() and "lost at power-off" in with_data.fault("data")
+    assert "umount /run/looked" in with_data.calls() and "lost at power-off" in with_data.fault("data")
+
+
+def test_what_ends_in_disorder_while_it_looks_finds_a_broken_one(with_data):
+    with_data.write("getro", "1\n")  # else it is mended in the background
+    with_data.change("etc/init.d/S30data", ("has_errors() {", "has_errors() {\n\techo $(( & 2))"))
+    with_data.must("/etc/init.d/S30data")
+    assert "lost at power-off" in with_data.fault("data") and "umount /run/old-data" in with_data.calls()
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_a_disk_that_answers_late_keeps_nobody_waiting(in_memory, whole):
+    """The boot stood there, and the watchdog began it anew, for ever."""
+    in_memory.change("etc/init.d/S30data", ("read -r -t 12 ", "read -r -t 1 "))
+    in_memory.write("run/looked/odid/odid.conf", "set before\n")
+    in_memory.write("hangs", "")
+    in_memory.change("etc/init.d/S30data", ("nice -n 10 ", ""))
+    if not whole:
+        in_memory.write("turns", "")
+    script = in_memory.start("exec /etc/init.d/S30data")
+    assert script.wait(LIMIT_S) == 0
+    assert "doesn't answer" in in_memory.fault("data")
+    assert [call for call in in_memory.calls() if "mount" in call] == ["mount -t tmpfs -o size=16m,mode=755,noatime,nosuid,nodev,noexec data /data"]
+    (in_memory.root / "hangs").unlink()
+    wait_for("the disk", lambda: "doesn't answer" not in in_memory.fault("data"))
+    if whole:
+        assert "answered late" in in_memory.fault("data") and "e2fsck" not in str(in_memory.calls())
+        assert in_memory.read("run/looked/odid/odid.conf") == "set before\n"
+    else:
+        assert "was repaired or made anew" in in_memory.fault("data") and "umount /run/looked" in in_memory.calls()
+
+
+def test_a_boot_script_that_does_not_end_is_passed_over(appliance):
+    """The boot stood there as well. `last` is asked for when `late` says its end."""
+    for script in (appliance.root / "etc/init.d").glob("S*"):
+        script.unlink()
+    os.mknod(appliance.root / "dev/kmsg", 0o20666, os.makedev(1, 3))  # null
+    for name, command in {"S20late": "until [ -e /go ]; do usleep 20000; done; : >/over", "S21done": "echo $1 >>/calls", "S22wrong": "exit 3",
+                          "S23last": ": >/go; until [ -e /over ]; do usleep 20000; done; usleep 200000; exit 5"}.items():
+        appliance.write(f"etc/init.d/{name}", f"#!/bin/sh\n{command}\n")
+        (appliance.root / "etc/init.d" / name).chmod(0o755)
+    appliance.change("etc/init.d/rcS", ("limit_s=20", "limit_s=1"))
+    appliance.must("/etc/init.d/rcS")
+    assert appliance.calls() == ["start"] and appliance.fault("done") is None and appliance.exists("run/odid-appliance/booted")
+    assert "S20late did not end within 1 s" in appliance.fault("late")
+    assert "S22wrong failed" in appliance.fault("wrong") and "S23last failed" in appliance.fault("last")
 
 
 @pytest.mark.parametrize("octets, taken", [(65536, True), (65537, False)])
