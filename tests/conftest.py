@@ -86,7 +86,7 @@ def pytest_runtest_makereport(item, call):
     elif report.failed or not late:
         return report
     figures = "; ".join(late)
-    disturbed = item.config.watch.disturbed(item.begun, time.monotonic())
+    disturbed = item.config.watch.disturbed(item.begun, time.monotonic()) or patience.slow()
     if disturbed:
         report.outcome, report.longrepr = "skipped", (str(item.path), 0, f"not judged: {disturbed}; {figures}")
     elif report.passed:

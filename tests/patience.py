@@ -12,6 +12,7 @@ LIMIT_S = 180  # for one step of a program on this machine
 BOOTED_S = 300  # for what takes an emulated machine many: a start, an installation
 
 broken = []  # promises of the test that runs
+running = []  # emulated machines, which can be asked whether they are slow (slow())
 
 
 def promise(what, took_s, within_s):
@@ -24,6 +25,18 @@ def promised(so, otherwise):
     """The same of what is no duration, and rests on time all the same."""
     if not so:
         broken.append(otherwise)
+
+
+def slow():
+    """Why what took its time in a machine that runs now says little of the code; "" where nothing is known of that."""
+    for machine in running:
+        try:
+            why = machine.slow()
+        except (RuntimeError, OSError):  # it answers nothing: then that isn't why
+            continue
+        if why:
+            return why
+    return ""
 
 
 def wait_for(what, condition, within_s=None, part=None, every_s=0.02, limit_s=LIMIT_S):

@@ -69,14 +69,14 @@ def test_what_the_router_leaves_behind_is_ended(grounded):
     grounded.must("sv term mavlink-router")
     grounded.wait_inside("the next one", f"new=$(pidof mavlink-routerd) && [ \"$new\" != \"{before.strip()}\" ]")
     assert not grounded.must(f"[ ! -e /proc/{left} ] || cat /proc/{left}/cmdline").strip()
-    assert grounded.must(f"cat {GROUP}/pids.max {GROUP}/memory.max").split() == ["16", str(32 << 20)]
+    assert grounded.must(f"cat {GROUP}/pids.max {GROUP}/memory.max").split() == ["32", str(32 << 20)]
     limits = grounded.must("grep -E 'open files' /proc/$(pidof mavlink-routerd)/limits").split()
     assert limits[3:5] == ["64", "64"]
 
 
 # What belongs to somebody else than root, or may be written by others. Of the daemon's folder root reads `kept`, and asks by
 # `status.sock`; it follows no name there (test_kept.c, test_root_follows_no_name_in_the_daemon_s_folder).
-THEIRS = (r"/run/odid(/.*)?", r"/run/hostapd", r"/tmp", r"/var/tmp")
+THEIRS = (r"/run/odid(/.*)?", r"/run/odid-beacons(/.*)?", r"/run/hostapd", r"/tmp", r"/var/tmp")
 
 
 def test_nobody_writes_what_root_reads(make_machine):

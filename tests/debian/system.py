@@ -82,6 +82,9 @@ def build():
 
 
 class Companion(Machine):
+    # To systemd's start. 6.7 s where the appliance's kernel took 2.5 s, twice as long as on a quick machine.
+    most_kernel_s = 4.0
+
     def __init__(self, folder, image=SYSTEM / "disk.img"):
         super().__init__(folder, config={}, image=image, memory_mib=512)
 
@@ -97,10 +100,14 @@ class Companion(Machine):
         self.cut_power()
         self.power_on(**power)
 
+    def kernel_s(self):
+        if self._kernel_s is None:
+            self._kernel_s = int(self.must("systemctl show -P UserspaceTimestampMonotonic")) / 1e6
+        return self._kernel_s
+
     def systemd_started(self):
         """time.monotonic() at which systemd began."""
-        since_us = int(self.must("systemctl show -P UserspaceTimestampMonotonic"))
-        return self.mono(since_us / 1e6)
+        return self.mono(self.kernel_s())
 
 
 if __name__ == "__main__":

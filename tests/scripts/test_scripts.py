@@ -488,7 +488,7 @@ def test_nobody_on_the_ground_speaks_as_the_vehicle(appliance, vehicle):
     for name, keys in made.items():
         if "Endpoint" in name and name not in ("UartEndpoint autopilot", "UdpEndpoint daemon"):
             assert keys["BlockSrcSysIn"] == (vehicle or "1") and keys["BlockSrcCompIn"] == "1,236,237,238"
-            assert keys["BlockMsgIdIn"] == "12918,256,126,2,109,166,386,387,388,232,113,101,102,103,104,138,331,11011,123"
+            assert keys["BlockMsgIdIn"] == "12918,256,126,2,109,166,386,387,388,232,113,101,102,103,104,138,331,11011,123,11000,11002"
 
 
 def loaded(appliance):
@@ -1626,6 +1626,14 @@ def test_an_access_point_that_refuses_to_close_is_told_again(appliance, running,
     (appliance.root / "usr/bin/pidof").chmod(0o755)
     appliance.change("lib/odid/maintenance", ("pidof hostapd", "/usr/bin/pidof hostapd"))
     assert (appliance.run("/lib/odid/maintenance off").returncode == 0) == closed
+
+
+def test_an_access_point_whose_configuration_cannot_be_made_is_not_closed(appliance):
+    """It was said to be, and hostapd's next start, in the air, let in who knew the password."""
+    appliance.write("data/secrets/maintenance.psk", KEY + "\n")
+    appliance.must("/lib/odid/maintenance on && /lib/odid/maintenance off")
+    appliance.write("lib/odid/hostapd-config", "#!/bin/sh\nexit 1\n")
+    assert appliance.run("/lib/odid/maintenance off").returncode != 0
 
 
 @pytest.mark.parametrize("url, another", [("http://here", False), ("http://there", True), ("", True)])

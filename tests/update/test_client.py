@@ -7,6 +7,7 @@ import re
 import socket
 import struct
 import subprocess
+import sys
 import time
 
 import patience
@@ -41,6 +42,14 @@ def server(request, monkeypatch, tmp_path):
     one.stop()
 
 
+def remember(folder, ustate):
+    """In U-Boot's environment, as SWUpdate does."""
+    variables, environment = folder / "variables", folder / "environment"
+    variables.write_text(f"upgrade_available=0\nustate={ustate}\n")
+    subprocess.run(["mkenvimage", "-s", "0x4000", "-o", f"{environment}.new", variables], check=True)
+    os.replace(f"{environment}.new", environment)
+
+
 @pytest.fixture
 def start(server, tmp_path):
     """start(ustate): the client, as overlay/etc/sv/swupdate/run starts it; in place of the one before."""
@@ -60,9 +69,7 @@ def start(server, tmp_path):
     def start(ustate=""):
         end()
         authority = f'cafile = "{tmp_path / "server.crt"}";' if server.url.startswith("https:") else ""
-        variables = tmp_path / "variables"
-        variables.write_text(f"upgrade_available=0\nustate={ustate}\n")
-        subprocess.run(["mkenvimage", "-s", "0x4000", "-o", tmp_path / "environment", variables], check=True)
+        remember(tmp_path, ustate)
         (tmp_path / "fw_env.config").write_text(f"{tmp_path / 'environment'} 0 0x4000\n")
         (tmp_path / "swupdate.cfg").write_text(f"""
 globals: {{ public-key-file = "{bundles.KEYS / 'trusted.pem'}"; bootloader = "uboot"; loglevel = 4;
@@ -176,6 +183,18 @@ def test_nothing_is_told_while_nobody_says_whether_a_trial_is_to_come(server, st
     assert not server.cancelled and not server.feedback and not server.downloads and not server.violations
 
 
+def test_one_that_is_installed_though_its_download_failed_is_not_over(server, start, no_bundle, tmp_path):
+    """It was told "closed", "failure", tried and kept. What makes it so is played: the bundle isn't one."""
+    give = server._give_bundle
+    server._give_bundle = lambda request: (remember(tmp_path, INSTALLED), give(request))
+    server.offer(39, no_bundle, OFFERED)
+    start("0")
+    wait_for("its end", lambda: "Image invalid" in (tmp_path / "log").read_text())
+    fetched = server.downloads
+    more_polls(server)
+    assert server.downloads == fetched and "closed" not in server.executions("39") and not server.violations
+
+
 def test_one_that_is_called_off_before_its_trial_is_answered_after_it(server, start, no_bundle):
     """It was told to have been called off, and its trial went on."""
     server.offer(32, no_bundle, OFFERED)
@@ -225,7 +244,18 @@ def test_whose_a_complaint_is_is_said(server, start, no_bundle, tmp_path):
 # network_ipc.h, of a machine with 64 bits
 MESSAGE_OCTETS = 3120
 MAGIC, REQ_INSTALL, ACK, GET_STATUS, NOTIFY_STREAM = 0x14052001, 0, 1, 3, 11
-API_VERSION, SOURCE_LOCAL = 1, 4
+API_VERSION, SOURCE_SERVER, SOURCE_LOCAL = 1, 2, 4
+# progress_ipc.h
+PROGRESS_OCTETS, CONNECTED_OCTETS = 2416, 8
+FAILURE = 4
+NOBODY = 65534
+ASK = """
+import socket, sys
+client = socket.socket(socket.AF_UNIX)
+client.connect("sockinstctrl")
+client.sendall(sys.stdin.buffer.read())
+client.recv(1)
+"""
 
 
 @pytest.mark.parametrize("server", ["tls"], indirect=True)
@@ -298,6 +328,22 @@ def test_one_that_wants_to_be_told_all_and_reads_nothing_keeps_nobody_out(start,
             with connected(tmp_path) as client:
                 client.sendall(b"x")
         anybody_else_is_answered(tmp_path, 10)
+
+
+@pytest.mark.parametrize("user, source", [(0, SOURCE_LOCAL), (NOBODY, SOURCE_SERVER)], ids=["root", "another"])
+def test_whoever_is_not_root_asks_for_a_server(start, tmp_path, user, source):
+    """hawkBit's client, taken over, said that a person asks: what waits for nothing but a person's word began for it."""
+    start()
+    tmp_path.chmod(0o755)
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.settimeout(LIMIT_S)
+        listener.connect(str(tmp_path / "swupdateprog"))
+        assert len(listener.recv(CONNECTED_OCTETS, socket.MSG_WAITALL)) == CONNECTED_OCTETS
+        subprocess.run([os.path.realpath(sys.executable), "-c", ASK], input=message(REQ_INSTALL, API_VERSION, SOURCE_LOCAL),
+                       cwd=tmp_path, user=user, extra_groups=[], check=True, timeout=LIMIT_S)
+        told = listener.recv(PROGRESS_OCTETS, socket.MSG_WAITALL)
+    assert struct.unpack_from("=II", told)[1] == FAILURE  # nothing came
+    assert struct.unpack_from("=I", told, 356) == (source,)
 
 
 def test_a_bundle_may_take_its_time(start, tmp_path):
