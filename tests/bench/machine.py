@@ -295,7 +295,7 @@ class Machine:
 
     def wait_shell(self):
         self.shell = Shell(self._sockets / "control", self._still_booting)
-        self._uptime_to_mono_s = self._kernel_s = None
+        self._uptime_to_mono_s, self._kernel_s = None, self._ask_kernel_s()
         if self not in patience.running:
             patience.running.append(self)
 
@@ -418,14 +418,16 @@ class Machine:
         return self.mono(self.kernel_s())
 
     def kernel_s(self):
-        """The kernel's seconds, from its own start to init's: what the kernel says of it, or the bench's
-        initial file system (guest/init) on its behalf."""
-        if self._kernel_s is None:  # later its log may have lost that line
-            match = re.search(r"^\[ *([\d.]+)\] Run /sbin/init as init process", self.must("dmesg"), re.M)
-            if not match:
-                raise RuntimeError("the kernel's log does not say when init was started")
-            self._kernel_s = float(match[1])
+        """The kernel's seconds, from its own start to init's; also of a machine that is switched off meanwhile."""
         return self._kernel_s
+
+    def _ask_kernel_s(self):
+        """What the kernel says of it, or the bench's initial file system (guest/init) on its behalf. At once: later its log may
+        have lost that line."""
+        match = re.search(r"^\[ *([\d.]+)\] Run /sbin/init as init process", self.must("dmesg"), re.M)
+        if not match:
+            raise RuntimeError("the kernel's log does not say when init was started")
+        return float(match[1])
 
     def port_mono(self):
         """time.monotonic() at which the autopilot's port was there, for the last time."""

@@ -138,7 +138,6 @@ def in_flight(wanted=faults.IN_FLIGHT, say=print):
             run.fly()
             run.machine.wait_on_air(position=True)
             run.tools()
-            run.machine.kernel_s()  # it is asked now, and remembered: later the machine is gone
             time.sleep(SETTLE_S)
             done = []
             while left:

@@ -100,10 +100,8 @@ class Companion(Machine):
         self.cut_power()
         self.power_on(**power)
 
-    def kernel_s(self):
-        if self._kernel_s is None:
-            self._kernel_s = int(self.must("systemctl show -P UserspaceTimestampMonotonic")) / 1e6
-        return self._kernel_s
+    def _ask_kernel_s(self):
+        return int(self.must("systemctl show -P UserspaceTimestampMonotonic")) / 1e6
 
     def systemd_started(self):
         """time.monotonic() at which systemd began."""

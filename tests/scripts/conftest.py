@@ -24,4 +24,6 @@ def appliance(tmp_path):
         pytest.skip("busybox isn't installed (Debian: busybox-static)")
     if no_mounts():
         pytest.skip(f"a root of its own needs mounts of its own (in a container: --cap-add SYS_ADMIN): {no_mounts()}")
-    return Appliance(tmp_path / "root")
+    appliance = Appliance(tmp_path / "root")
+    yield appliance
+    appliance.end_all()

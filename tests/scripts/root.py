@@ -1,7 +1,9 @@
 """A bare root with the overlay in it, to run its scripts in."""
 
+import contextlib
 import os
 import shutil
+import signal
 import subprocess
 from pathlib import Path
 
@@ -98,6 +100,18 @@ class Appliance:
     def start(self, command):
         """The same without waiting for its end. Signals get to it when it is one program, or begins with exec."""
         return subprocess.Popen(self.words(command), stdin=subprocess.DEVNULL)
+
+    def end_all(self):
+        """What scripts have left running, as some do on purpose."""
+        patience.wait_for("what scripts left running to end", lambda: not [process for process in os.listdir("/proc") if self._killed(process)])
+
+    def _killed(self, process):
+        """Did it run in this root until now?"""
+        with contextlib.suppress(OSError):  # it has ended
+            if process.isdigit() and os.path.samefile(f"/proc/{process}/root", self.root):
+                os.kill(int(process), signal.SIGKILL)
+                return True
+        return False
 
     def must(self, command):
         result = self.run(command)

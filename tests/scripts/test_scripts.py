@@ -2096,6 +2096,7 @@ def test_a_disk_that_answers_late_keeps_nobody_waiting(in_memory, whole):
     assert [call for call in in_memory.calls() if "mount" in call] == ["mount -t tmpfs -o size=16m,mode=755,noatime,nosuid,nodev,noexec data /data"]
     (in_memory.root / "hangs").unlink()
     wait_for("the disk", lambda: "doesn't answer" not in in_memory.fault("data"))
+    assert not in_memory.exists("run/looked/.probe")
     if whole:
         assert "answered late" in in_memory.fault("data") and "e2fsck" not in str(in_memory.calls())
         assert in_memory.read("run/looked/odid/odid.conf") == "set before\n"

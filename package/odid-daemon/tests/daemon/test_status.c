@@ -263,32 +263,32 @@ static int connect_to_status(void)
     return fd;
 }
 
-/* A reader per question; one that never reads and one that leaves at once are among them. */
-static void *ask(void *context)
+static int reader = -1;
+
+static bool is_answered(void)
 {
-    int silent = connect_to_status(), gone = connect_to_status(), fd = connect_to_status();
+    return poll(&(struct pollfd){.fd = reader, .events = POLLRDHUP}, 1, 0) == 1;
+}
+
+static void read_answer(void)
+{
     size_t filled = 0;
     ssize_t got;
 
-    (void)context;
-    close(gone);
-    poll(&(struct pollfd){.fd = fd, .events = POLLRDHUP}, 1, PATIENCE_MS); /* nobody waits for us */
-    while ((got = read(fd, answer + filled, sizeof(answer) - 1 - filled)) > 0) {
+    while ((got = read(reader, answer + filled, sizeof(answer) - 1 - filled)) > 0) {
         filled += (size_t)got;
     }
-    close(fd);
-    close(silent);
     answer[filled] = '\0';
-    return NULL;
 }
 
+/* One that never reads and one that leaves at once are among those who ask. */
 static void over_the_socket(void **state)
 {
     char path[64];
     struct json_object *status;
     struct stat file;
-    pthread_t thread;
     unsigned calls = 0;
+    int silent;
 
     (void)state;
     for (int i = 0; i < 2; i++) { /* control characters are six octets each */
@@ -304,9 +304,13 @@ static void over_the_socket(void **state)
     assert_int_equal(stat(path, &file), 0);
     assert_true(S_ISSOCK(file.st_mode));
     assert_int_equal(file.st_mode & 0777, 0660);
-    assert_int_equal(pthread_create(&thread, NULL, ask, NULL), 0);
-    run_ms(200);
-    pthread_join(thread, NULL);
+    silent = connect_to_status();
+    close(connect_to_status());
+    reader = connect_to_status();
+    assert_true(loop_until(is_answered, 200)); /* whole, before anything of it is read */
+    read_answer();
+    close(reader);
+    close(silent);
     assert_int_equal(calls, 1); /* made once for all that ask within a quarter of a second */
     status = json_tokener_parse(answer);
     assert_non_null(status);
@@ -346,6 +350,8 @@ static void a_link_is_not_followed(void **state)
 #define FLOOD_MS 1500
 
 static struct {
+    pthread_t threads[4];
+    unsigned joined;
     atomic_bool over;
     atomic_uint connections;
     ssize_t length; /* of what somebody got who asks beside it */
@@ -375,6 +381,15 @@ static void *ask_beside_it(void *context)
     return NULL;
 }
 
+/* Whoever waits for an answer waits for the loop. */
+static bool all_have_ended(void)
+{
+    while (flood.joined < 4 && pthread_tryjoin_np(flood.threads[flood.joined], NULL) == 0) {
+        flood.joined++;
+    }
+    return flood.joined == 4;
+}
+
 static int64_t own_time_us(void)
 {
     struct timespec used;
@@ -386,9 +401,8 @@ static int64_t own_time_us(void)
 /* A thousand times what anybody needs: nearly all of the time is still the broadcast's. */
 static void a_flood_of_connections(void **state)
 {
-    pthread_t threads[4];
     unsigned calls = 0;
-    int64_t used_us;
+    int64_t begun_us, used_us, took_ms;
     char path[64];
 
     (void)state;
@@ -396,22 +410,21 @@ static void a_flood_of_connections(void **state)
     assert_non_null(mkdtemp(directory));
     assert_int_equal(loop_init(), 0);
     assert_int_equal(status_start(directory, gather, &calls), 0);
+    begun_us = loop_now_us();
     for (int i = 0; i < 3; i++) {
-        assert_int_equal(pthread_create(&threads[i], NULL, connect_for_ever, NULL), 0);
+        assert_int_equal(pthread_create(&flood.threads[i], NULL, connect_for_ever, NULL), 0);
     }
-    assert_int_equal(pthread_create(&threads[3], NULL, ask_beside_it, NULL), 0);
+    assert_int_equal(pthread_create(&flood.threads[3], NULL, ask_beside_it, NULL), 0);
     used_us = own_time_us();
     run_ms(FLOOD_MS);
     used_us = own_time_us() - used_us;
     flood.over = true;
-    run_ms(300); /* lets those go that wait */
-    for (int i = 0; i < 4; i++) {
-        pthread_join(threads[i], NULL);
-    }
+    assert_true(loop_until(all_have_ended, 300));
+    took_ms = (loop_now_us() - begun_us) / 1000;
     print_message("%u answers made, %u connections taken, %lld us of processor time in %d ms\n",
                   calls, flood.connections, (long long)used_us, FLOOD_MS);
-    assert_in_range(calls, 1, (FLOOD_MS + 300) / 250 + 2);
-    assert_in_range(flood.connections, 1, (FLOOD_MS + 300) / 125 * 8 + 8);
+    assert_in_range(calls, 1, took_ms / 250 + 2);
+    assert_in_range(flood.connections, 1, took_ms / 125 * 8 + 8);
     assert_true(flood.length > 0);
     snprintf(path, sizeof(path), "%s/%s", directory, STATUS_SOCKET);
     unlink(path);
