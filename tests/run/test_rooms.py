@@ -36,6 +36,23 @@ def test_what_may_be_known_passes(tmp_path, room, included):
     assert result.returncode == 0 and not result.stdout
 
 
+SOURCES = {
+    "first.c": "void first(void)\n{\n    second();\n}\n",
+    "second.c": "static void more(void)\n{\n    %s(0); /* first() */\n}\n\nvoid second(void)\n{\n    more();\n}\n",
+    "third.c": "int third(int one,\n          int two)\n{\n    first();\n    return one;\n}\n",
+}
+
+
+@pytest.mark.parametrize("called, said", [("third", "first.c: calls itself by second.c, third.c"), ("fourth", "")])
+def test_a_circle_is_named(tmp_path, called, said):
+    for name, text in SOURCES.items():
+        path = tmp_path / "src/daemon" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text.replace("%s", called))
+    result = subprocess.run([sys.executable, CHECK, *sorted(path.parent.iterdir())], capture_output=True, text=True)
+    assert (result.returncode != 0) == bool(said) and said in result.stdout and result.stdout.count("\n") == bool(said)
+
+
 def test_nothing_to_look_at_is_no_pass():
     assert subprocess.run([sys.executable, CHECK]).returncode == 1
 

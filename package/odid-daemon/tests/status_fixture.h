@@ -9,7 +9,7 @@
 
 static struct telemetry_counters counters;
 static struct asking asking;
-static struct status_lateness lateness;
+static struct slot_lateness lateness;
 static char sentences[2][CONFIG_PROBLEM_SIZE];
 
 static inline int reset(void **state)

@@ -312,6 +312,13 @@ static void take_authentication(struct aircraft *aircraft, const struct telemetr
     aircraft->auth_received |= 1U << page.page;
 }
 
+/* A newer one counts. */
+static void use_position(struct aircraft *aircraft, int64_t now_us)
+{
+    aircraft_compare_altitudes(aircraft, now_us);
+    aircraft_look_for_takeoff(aircraft, now_us);
+}
+
 static void take_global_position(struct aircraft *aircraft, const struct telemetry_update *update,
                                  int64_t now_us)
 {
@@ -321,7 +328,7 @@ static void take_global_position(struct aircraft *aircraft, const struct telemet
 
     forget_before_restart(aircraft);
     if (aircraft_take_global_position(aircraft, update, stamped_us, now_us)) {
-        aircraft_look_for_takeoff(aircraft, now_us);
+        use_position(aircraft, now_us);
     }
 }
 
@@ -353,7 +360,7 @@ static void confirm(struct aircraft *aircraft, int64_t now_us)
     }
     time->came_us = INT64_MIN;
     if (aircraft_confirm_position(aircraft, now_us)) {
-        aircraft_look_for_takeoff(aircraft, now_us);
+        use_position(aircraft, now_us);
     }
 }
 
@@ -410,7 +417,7 @@ void aircraft_update(struct aircraft *aircraft, const struct telemetry_update *u
         break;
     case TELEMETRY_LOCATION:
         if (aircraft_take_location(aircraft, update, now_us)) {
-            aircraft_look_for_takeoff(aircraft, now_us);
+            use_position(aircraft, now_us);
         }
         break;
     case TELEMETRY_AUTHENTICATION:

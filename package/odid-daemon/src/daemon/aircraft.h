@@ -20,13 +20,8 @@
 
 #include "appliance/kept.h"
 #include "config/config.h"
+#include "daemon/aircraft_fresh.h"
 #include "daemon/telemetry.h"
-
-/* A source that was silent for this long gives way to the next better one. */
-#define AIRCRAFT_FRESH_US 3000000
-
-/* Is an instant, INT64_MIN for never, less than AIRCRAFT_FRESH_US ago? */
-bool aircraft_fresh(int64_t since_us, int64_t now_us);
 
 enum source { SOURCE_NONE, SOURCE_CONFIGURATION, SOURCE_TELEMETRY, SOURCE_NATIVE };
 

@@ -32,11 +32,6 @@
  * before. */
 #define CONFIRMED_WITHIN_US 1000000
 
-bool aircraft_fresh(int64_t since_us, int64_t now_us)
-{
-    return since_us != INT64_MIN && now_us - since_us < AIRCRAFT_FRESH_US;
-}
-
 bool aircraft_waits(const struct aircraft_waiting *waiting, int64_t now_us)
 {
     return waiting->came_us != INT64_MIN && now_us - waiting->came_us < CONFIRMED_WITHIN_US;
@@ -211,7 +206,6 @@ bool aircraft_confirm_position(struct aircraft *aircraft, int64_t now_us)
         vertical_upright_mps(&aircraft->vertical, update->global_position.up_mps);
     count_position(&aircraft->telemetry_rate, now_us);
     compare(aircraft, now_us);
-    aircraft_compare_altitudes(aircraft, now_us);
     return true;
 }
 
@@ -363,6 +357,5 @@ bool aircraft_take_location(struct aircraft *aircraft, const struct telemetry_up
     aircraft->native.altitude_msl_m = NAN;
     count_position(&aircraft->native_rate, now_us);
     compare(aircraft, now_us);
-    aircraft_compare_altitudes(aircraft, now_us);
     return true;
 }

@@ -180,9 +180,10 @@ struct aircraft {
     int64_t ground_jumped_us;  /* when the one that is heard did */
 };
 
-bool aircraft_native_fresh(const struct aircraft *aircraft, int64_t now_us);
-
 /* ---- aircraft_position.c ---- */
+
+/* Came a native LOCATION within AIRCRAFT_FRESH_US? */
+bool aircraft_native_fresh(const struct aircraft *aircraft, int64_t now_us);
 
 /* Each of the two returns true where there is a newer position, that counts. stamped_us: on our
  * clock. */
@@ -303,9 +304,9 @@ void aircraft_view_status(const struct aircraft *aircraft, int64_t now_us,
 
 /* ---- aircraft_location.c ---- */
 
-/* After each position. What was found while both were there stands: the one that isn't believed
- * doesn't count either once the other one is gone. But a native height without telemetry is held
- * against its own message's altitude. */
+/* After each position that counts. What was found while both were there stands: the one that isn't
+ * believed doesn't count either once the other one is gone. But a native height without telemetry
+ * is held against its own message's altitude. */
 void aircraft_compare_altitudes(struct aircraft *aircraft, int64_t now_us);
 
 /* Is the native altitude another one than telemetry's? Then it doesn't count. */

@@ -1,7 +1,8 @@
 /*
- * One Bluetooth adapter, as bluetooth's three files share it: bluetooth.c
- * opens and closes it, bluetooth_setup.c sends the commands, and
- * bluetooth_answers.c takes the controller's answers. Used by these only.
+ * One Bluetooth adapter, as bluetooth's four files share it, each knowing only
+ * those before it: bluetooth_remedy.c closes it and says how it may come back,
+ * bluetooth_setup.c sends the commands, bluetooth_answers.c takes the
+ * controller's answers, and bluetooth.c opens it. Used by these only.
  */
 #ifndef ODID_BLUETOOTH_ADAPTER_H
 #define ODID_BLUETOOTH_ADAPTER_H
@@ -108,6 +109,19 @@ struct bluetooth_adapter {
     struct bluetooth_advertising sets[BLUETOOTH_SETS];
 };
 
+/* ---- bluetooth_remedy.c ---- */
+
+/* What has worked for long isn't the one that was in vain: the next hang begins with the first. */
+void bluetooth_settle_remedy(struct bluetooth_adapter *adapter, int64_t now_us);
+/* Closes after a failure, says so, and opens again later. A time-out brings the next remedy. */
+void bluetooth_failed(struct bluetooth_adapter *adapter, const char *detail, int64_t now_us);
+/* The same with an -errno; an hci_lost_fn. */
+void bluetooth_lost(void *adapter, int error, int64_t now_us);
+/* It couldn't be opened, with an -errno of hci_open's. */
+void bluetooth_not_opened(struct bluetooth_adapter *adapter, int error, int64_t now_us);
+
+/* ---- bluetooth_setup.c ---- */
+
 /* Sends what is due next, unless an answer is awaited. */
 void bluetooth_advance(struct bluetooth_adapter *adapter, int64_t now_us);
 /* How long a payload stays set to be sent once. */
@@ -117,15 +131,10 @@ int64_t bluetooth_held_until_us(const struct bluetooth_adapter *adapter, enum bl
 /* Switches everything off; the answer isn't waited for. */
 void bluetooth_silence(struct bluetooth_adapter *adapter, int64_t now_us);
 
+/* ---- bluetooth_answers.c ---- */
+
 /* An hci_event_fn. */
 void bluetooth_event(void *adapter, uint8_t code, const uint8_t *parameters, size_t length,
                      int64_t now_us);
-
-/* What has worked for long isn't the one that was in vain: the next hang begins with the first. */
-void bluetooth_settle_remedy(struct bluetooth_adapter *adapter, int64_t now_us);
-/* Closes after a failure, says so, and opens again later. A time-out brings the next remedy. */
-void bluetooth_failed(struct bluetooth_adapter *adapter, const char *detail, int64_t now_us);
-/* The same with an -errno; an hci_lost_fn. */
-void bluetooth_lost(void *adapter, int error, int64_t now_us);
 
 #endif

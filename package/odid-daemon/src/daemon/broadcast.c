@@ -23,7 +23,7 @@
 static struct {
     const struct config *config;
     const struct aircraft *aircraft;
-    struct status_lateness *lateness;
+    struct slot_lateness *lateness;
     struct schedule schedule, singles; /* singles: where a beacon has room for one message */
     struct loop_timer slot, retry;
     struct kept_counters counters, before; /* before: the last payload was built */
@@ -152,7 +152,7 @@ static void on_slot(void *context, int64_t now_us)
     find_available(&view, available);
     take_back_what_waits();
     entry = schedule_next(&self.schedule, now_us, available);
-    status_lateness_add(self.lateness, entry.late_us, entry.skipped);
+    slot_lateness_add(self.lateness, entry.late_us, entry.skipped);
     self.location = entry.type == MESSAGE_LOCATION;
     self.renewed = false;
     self.until_us = entry.until_us;
@@ -237,7 +237,7 @@ void broadcast_position(int64_t now_us)
 }
 
 void broadcast_start(const struct config *config, const struct aircraft *aircraft,
-                     struct status_lateness *lateness, int64_t now_us)
+                     struct slot_lateness *lateness, int64_t now_us)
 {
     self.config = config;
     self.aircraft = aircraft;

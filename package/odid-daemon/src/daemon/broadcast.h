@@ -17,7 +17,7 @@
 
 /* Starts the first slot. All three outlive it; lateness counts how late the slots are. */
 void broadcast_start(const struct config *config, const struct aircraft *aircraft,
-                     struct status_lateness *lateness, int64_t now_us);
+                     struct slot_lateness *lateness, int64_t now_us);
 
 /* A position came, newer or not. */
 void broadcast_position(int64_t now_us);

@@ -47,7 +47,7 @@ static struct {
     unsigned asked_boot;   /* the autopilot's starts when it was begun ... */
     uint8_t asked_vehicle; /* ... and whose */
     struct pilot pilot;
-    struct status_lateness lateness;
+    struct slot_lateness lateness;
     struct kept kept; /* as it is in its file, ... */
     bool kept_behind; /* ... or has to be */
     struct loop_timer look;

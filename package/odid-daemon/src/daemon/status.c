@@ -14,10 +14,7 @@
 #include "appliance/status_ask.h"
 #include "base/log.h"
 #include "base/loop.h"
-#include "daemon/status_json.h"
 
-#define BUCKET_US 50
-#define BUCKETS (sizeof(((struct status_lateness *)NULL)->histogram) / sizeof(uint32_t))
 #define BACKLOG 8
 #define SOCKET_ROOM (4 * STATUS_ANSWER_MAX) /* with what the kernel needs for each piece */
 /* An answer is made this often at most, and handed out as it is meanwhile. */
@@ -28,41 +25,6 @@
 #define TAKEN_MAX 8
 /* After an accept that failed: the same error would come back at once, and for ever. */
 #define PAUSE_US 1000000
-
-/* ---- lateness ---- */
-
-void status_lateness_add(struct status_lateness *lateness, int64_t late_us, unsigned skipped)
-{
-    size_t bucket = late_us < 0 ? 0 : (size_t)(late_us / BUCKET_US);
-
-    lateness->slots++;
-    lateness->skipped += skipped;
-    lateness->histogram[bucket < BUCKETS ? bucket : BUCKETS - 1]++;
-    if (late_us > lateness->max_us) {
-        lateness->max_us = late_us;
-    }
-}
-
-/* The upper end of the bucket in which the 99th percentile lies; -1 when nothing was measured. */
-int64_t status_lateness_p99_us(const struct status_lateness *lateness)
-{
-    uint64_t wanted = lateness->slots - lateness->slots / 100, seen = 0;
-
-    if (lateness->slots == 0) {
-        return -1;
-    }
-    for (size_t bucket = 0; bucket < BUCKETS - 1; bucket++) {
-        int64_t end_us = (int64_t)(bucket + 1) * BUCKET_US;
-
-        seen += lateness->histogram[bucket];
-        if (seen >= wanted) {
-            return end_us < lateness->max_us ? end_us : lateness->max_us;
-        }
-    }
-    return lateness->max_us;
-}
-
-/* ---- socket ---- */
 
 static struct {
     struct loop_watch watch;

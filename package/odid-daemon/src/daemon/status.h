@@ -12,32 +12,9 @@
 
 #include <stdint.h>
 
-#include "daemon/asking.h"
-#include "daemon/health.h"
-#include "daemon/telemetry.h"
-
-/* How late the slots' deadlines were met, in microseconds. */
-struct status_lateness {
-    uint64_t slots, skipped;
-    uint32_t histogram[64]; /* of 50 us each; the last one: 3.15 ms and more */
-    int64_t max_us;
-};
-void status_lateness_add(struct status_lateness *lateness, int64_t late_us, unsigned skipped);
-int64_t status_lateness_p99_us(const struct status_lateness *lateness);
+#include "daemon/status_json.h"
 
 /* Gathers everything, when an answer is made. */
-struct status_snapshot {
-    struct health_input input;
-    struct health health;
-    const struct telemetry_counters *counters;
-    const struct asking *asking;
-    const struct status_lateness *lateness;
-    int64_t start_us;
-    uint8_t vehicle;
-    uint64_t config_file; /* config_fingerprint of the configuration file */
-    unsigned config_reports;
-    const char (*config_report)[CONFIG_PROBLEM_SIZE]; /* the first sentences */
-};
 typedef void status_gather_fn(void *context, struct status_snapshot *snapshot, int64_t now_us);
 
 /* Returns 0, or -errno with a log line: then it is tried again each second. run_dir stays. */

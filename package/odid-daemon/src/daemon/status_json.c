@@ -326,9 +326,9 @@ static void add_problems(struct json_object *root, const struct health *health)
 
 static void add_daemon(struct json_object *root, const struct status_snapshot *snapshot)
 {
-    const struct status_lateness *lateness = snapshot->lateness;
+    const struct slot_lateness *lateness = snapshot->lateness;
     struct json_object *object = add_object(root, "configuration"), *array;
-    int64_t p99_us = status_lateness_p99_us(lateness);
+    int64_t p99_us = slot_lateness_p99_us(lateness);
     char fingerprint[17];
 
     add_count(object, "errors", snapshot->input.config_errors);

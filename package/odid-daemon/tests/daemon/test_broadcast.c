@@ -49,7 +49,7 @@ void loop_arm(struct loop_timer *timer, int64_t deadline_us)
     timer->deadline_us = deadline_us;
 }
 
-void status_lateness_add(struct status_lateness *lateness, int64_t late_us, unsigned skipped)
+void slot_lateness_add(struct slot_lateness *lateness, int64_t late_us, unsigned skipped)
 {
     (void)lateness;
     assert_int_equal(late_us, 0);
@@ -138,7 +138,7 @@ static void run(int64_t from_us, int64_t end_us)
 static int64_t waited_us(int64_t answer_us, int64_t hold_us)
 {
     static struct config config;
-    static struct status_lateness lateness;
+    static struct slot_lateness lateness;
     const int64_t came_us = START + 10 * MS;
 
     config.bt4_enabled = true;
@@ -207,7 +207,7 @@ static void in_place_of_the_one_that_waits(void **state)
 static void as_much_as_the_beacon_s_chip_takes(void **state)
 {
     static struct config config = {.wifi_beacon_enabled = true, .bt4_enabled = true};
-    static struct status_lateness lateness;
+    static struct slot_lateness lateness;
 
     (void)state;
     for (unsigned most = 5; most == 5 || most == 3 || most == 1; most -= 2) {

@@ -1,4 +1,4 @@
-/* The status: lateness, the JSON, the socket. */
+/* The status: the JSON, the socket. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -22,6 +22,7 @@
 #include <unistd.h>
 
 #include "appliance/status_ask.h"
+#include "daemon/status.h"
 #include "loop_until.h"
 #include "status_fixture.h"
 
@@ -33,36 +34,6 @@ int accept4(int fd, struct sockaddr *address, socklen_t *size, int flags)
 
     setsockopt(accepted, SOL_SOCKET, SO_SNDBUF, &least, sizeof(least));
     return accepted;
-}
-
-/* ---- lateness ---- */
-
-static void lateness_of_nothing(void **state)
-{
-    (void)state;
-    assert_int_equal(status_lateness_p99_us(&lateness), -1);
-}
-
-static void lateness_percentile(void **state)
-{
-    (void)state;
-    status_lateness_add(&lateness, 20, 0);
-    assert_int_equal(status_lateness_p99_us(&lateness), 20); /* never more than the maximum */
-    for (int i = 0; i < 98; i++) {
-        status_lateness_add(&lateness, 120, 0);
-    }
-    assert_int_equal(status_lateness_p99_us(&lateness), 120);
-    status_lateness_add(&lateness, 40000, 2);
-    assert_int_equal(lateness.slots, 100);
-    assert_int_equal(lateness.skipped, 2);
-    assert_int_equal(lateness.max_us, 40000);
-    assert_int_equal(status_lateness_p99_us(&lateness), 150); /* the bucket's end */
-    for (int i = 0; i < 100; i++) {
-        status_lateness_add(&lateness, 3150, 0);
-    }
-    assert_int_equal(status_lateness_p99_us(&lateness), 40000); /* the last bucket has no end */
-    status_lateness_add(&lateness, -5, 0);
-    assert_int_equal(lateness.histogram[0], 2);
 }
 
 /* ---- JSON ---- */
@@ -480,8 +451,6 @@ static void places_where_it_cannot_be(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        TEST(lateness_of_nothing),
-        TEST(lateness_percentile),
         TEST(stable_names),
         TEST(values),
         TEST(what_is_unknown_is_null),
