@@ -488,7 +488,7 @@ def test_nobody_on_the_ground_speaks_as_the_vehicle(appliance, vehicle):
     for name, keys in made.items():
         if "Endpoint" in name and name not in ("UartEndpoint autopilot", "UdpEndpoint daemon"):
             assert keys["BlockSrcSysIn"] == (vehicle or "1") and keys["BlockSrcCompIn"] == "1,236,237,238"
-            assert keys["BlockMsgIdIn"] == "12918,256,126,2,109,166,386,387,388,232,113,101,102,103,104,138,331,11011,123,11000,11002"
+            assert keys["BlockMsgIdIn"] == "12918,256,126,2,109,166,386,387,388,232,113,101,102,103,104,138,331,11011,296,123,11000,11002"
 
 
 def loaded(appliance):

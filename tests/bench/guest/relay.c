@@ -16,8 +16,9 @@
  * (br2-external/patches/mavlink-router): nothing comes in of a message that isn't known, or with a
  * flag that isn't, nor from anybody but the peer that is configured; of a frame for which the
  * serial port had no room the rest goes out before anything else; where messages are blocked, so
- * are the commands MAV_CMD_CAN_FORWARD and MAV_CMD_EXTERNAL_POSITION_ESTIMATE, and
- * MAV_CMD_DO_AUX_FUNCTION with GPS_DISABLE. Not as it: what has a target goes out by all endpoints,
+ * are the commands MAV_CMD_CAN_FORWARD, MAV_CMD_EXTERNAL_POSITION_ESTIMATE and
+ * MAV_CMD_INJECT_FAILURE, MAV_CMD_DO_AUX_FUNCTION with GPS_DISABLE, and any that is newer than
+ * these. Not as it: what has a target goes out by all endpoints,
  * checksums of known messages aren't looked at, and known are those of the dialect common, there
  * ardupilotmega's. */
 
@@ -41,6 +42,7 @@
 
 #define DO_AUX_FUNCTION 218 /* MAV_CMD_, of the dialect ardupilotmega */
 #define GPS_DISABLE 65      /* one of its functions */
+#define LAST_COMMAND 43005  /* MAV_CMD_SET_HAGL; what comes after it nobody has judged */
 
 /* Of what comes in by an endpoint. */
 struct filter {
@@ -296,13 +298,14 @@ static bool is_shut_command(const unsigned char *frame)
     switch (said.command) {
     case MAV_CMD_CAN_FORWARD:
     case MAV_CMD_EXTERNAL_POSITION_ESTIMATE:
+    case MAV_CMD_INJECT_FAILURE:
         return true;
     case DO_AUX_FUNCTION:
         /* Whoever makes a whole number of it, by rounding or in 16 bits: not that one. */
         return !(said.param1 >= 0 && said.param1 <= UINT16_MAX) ||
                (said.param1 > GPS_DISABLE - 1 && said.param1 < GPS_DISABLE + 1);
     default:
-        return false;
+        return said.command > LAST_COMMAND;
     }
 }
 
