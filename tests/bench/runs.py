@@ -199,6 +199,7 @@ def boot(fault, say=print):
         time.sleep(fault.limit_s + 4)
         until = time.monotonic()
         outcome.disturbed = run.machine.boot_disturbed()
+        outcome.problems += run.machine.must("cat /run/faults/boot-* 2>/dev/null || true").splitlines()
         contents = run.stop()
     except (TimeoutError, RuntimeError, ConnectionError) as error:
         outcome.problems.append(str(error))

@@ -1780,13 +1780,13 @@ def test_a_password_stays_with_what_it_was_made_of_when_data_is_mended(appliance
     assert appliance.exists("run/mended/secrets/maintenance.made") == (made and wins == "new")
 
 
-@pytest.mark.parametrize("saved", [False, True])
-def test_what_was_saved_while_data_was_in_memory_is_kept(appliance, saved):
+@pytest.mark.parametrize("in_memory, kept", [("as booted\n", "on the disk\n"), ("saved since\n", "saved since\n")])
+def test_what_was_saved_while_data_was_in_memory_is_kept(appliance, in_memory, kept):
     appliance.write("run/booted/odid/odid.conf", "as booted\n")
-    appliance.write("data/odid/odid.conf", "saved since\n" if saved else "as booted\n")
+    appliance.write("data/odid/odid.conf", in_memory)
     appliance.write("run/mended/odid/odid.conf", "on the disk\n")
-    appliance.must(CARRY)
-    assert appliance.read("run/mended/odid/odid.conf") == ("saved since\n" if saved else "on the disk\n")
+    appliance.must(CARRY.replace("\ncarry_over", "\ncopied=yes; carry_over"))
+    assert appliance.read("run/mended/odid/odid.conf") == kept
 
 
 # --- values that get into other programs' files ----------------------------------------
@@ -1963,7 +1963,7 @@ def in_memory(with_data):
     with_data.write("lib/odid/apply-configuration", "#!/bin/sh\necho apply >>/calls\nexit $(cat /refused)\n")
     with_data.write("refused", "0\n")
     with_data.write("usr/bin/flock", NOTES)
-    with_data.change("etc/init.d/S30data", ("sleep 3", ":"))
+    with_data.change("lib/odid/functions", ("sleep 3\n\tdone", ":\n\tdone"))
     return with_data
 
 
@@ -1998,7 +1998,7 @@ def test_what_config_has_brought_since_goes_before_what_the_disk_had(in_memory, 
 
 @pytest.mark.parametrize("asked, refused, there", [
     (True, False, "as booted\n"), (True, True, "set before\n"),
-    (False, False, "set before\n"),  # it couldn't be read: it is still to come
+    (False, False, "set before\n"),  # it couldn't be read in time
 ])
 def test_a_factory_reset_on_a_damaged_disk_is_done_once(in_memory, asked, refused, there):
     """What was forgotten came back with the mended disk, and at a later power-on it was forgotten again."""
@@ -2011,8 +2011,19 @@ def test_a_factory_reset_on_a_damaged_disk_is_done_once(in_memory, asked, refuse
     in_memory.write("run/mended/secrets/maintenance.psk", KEY + "\n")
     in_memory.must(MEND.replace("\nmend", "\ncopy_old\nrm -f /data/odid/factory-reset\nmend"))
     assert in_memory.read("data/odid/odid.conf") == there
-    assert in_memory.exists("run/mended/odid/factory-reset") != asked
+    assert not in_memory.exists("run/mended/odid/factory-reset")
+    assert ("There was no factory reset" in (in_memory.fault("factory-reset") or "")) == (not asked or refused)
     assert in_memory.exists("run/mended/secrets/maintenance.psk") == (there == "set before\n")
+
+
+@pytest.mark.parametrize("copied, counts", [("", "all of it\n"), ("yes", "one key\n")])
+def test_one_key_that_was_saved_beside_an_unknown_disk_replaces_nothing(in_memory, copied, counts):
+    """The image's odid.conf with that key took the place of all that was set, and nothing was said. It is saved just in time."""
+    in_memory.write("run/mended/odid/odid.conf", "all of it\n")
+    in_memory.write("usr/bin/flock", "#!/bin/sh\necho one key >/data/odid/odid.conf\n")
+    in_memory.must(MEND.replace("\nmend", f"\ncopied={copied}\nmend"))
+    assert in_memory.read("data/odid/odid.conf") == counts
+    assert ("save it again" in in_memory.fault("data")) != bool(copied)
 
 
 @pytest.mark.parametrize("copied", ["", "yes"])
@@ -2109,15 +2120,47 @@ def test_a_boot_script_that_does_not_end_is_passed_over(appliance):
     for script in (appliance.root / "etc/init.d").glob("S*"):
         script.unlink()
     os.mknod(appliance.root / "dev/kmsg", 0o20666, os.makedev(1, 3))  # null
-    for name, command in {"S20late": "until [ -e /go ]; do usleep 20000; done; : >/over", "S21done": "echo $1 >>/calls", "S22wrong": "exit 3",
+    for name, command in {"S20late": "until [ -e /go ]; do usleep 20000; done; : >/over", "S21done": "echo $1 >>/calls", "S22said": "echo why >/run/faults/said; exit 3", "S22wrong": "exit 3",
                           "S23last": ": >/go; until [ -e /over ]; do usleep 20000; done; usleep 200000; exit 5"}.items():
         appliance.write(f"etc/init.d/{name}", f"#!/bin/sh\n{command}\n")
         (appliance.root / "etc/init.d" / name).chmod(0o755)
     appliance.change("etc/init.d/rcS", ("limit_s=20", "limit_s=1"))
     appliance.must("/etc/init.d/rcS")
-    assert appliance.calls() == ["start"] and appliance.fault("done") is None and appliance.exists("run/odid-appliance/booted")
-    assert "S20late did not end within 1 s" in appliance.fault("late")
-    assert "S22wrong failed" in appliance.fault("wrong") and "S23last failed" in appliance.fault("last")
+    assert appliance.calls() == ["start"] and appliance.fault("boot-done") is None and appliance.exists("run/odid-appliance/booted")
+    assert "S20late did not end within 1 s" in appliance.fault("boot-late")
+    assert "S22wrong failed" in appliance.fault("boot-wrong") and "S23last failed" in appliance.fault("boot-last")
+    assert appliance.fault("boot-said") is None
+
+
+def test_what_boots_shares_the_memory_that_is_kept(appliance):
+    """rcS started each script by a shell of its own, and all after the first one read their programs on others' account."""
+    for script in (appliance.root / "etc/init.d").glob("S*"):
+        if script.name != "S01mounts":
+            script.unlink()
+    text = appliance.read("etc/init.d/S01mounts")
+    begun = text.index("groups=/sys")
+    appliance.write("etc/init.d/S01mounts", "#!/bin/sh\n" + text[begun:text.index("# And what was used", begun)])
+    appliance.change("etc/init.d/S01mounts", ("mount -t cgroup2", ": mount"), ("+memory >$groups", "+memory >/run"),
+                     ("mkdir -p $groups", "mkdir -p /sys/fs/cgroup"), (">$groups/appliance/cgroup.procs", ">>/moved"))
+    os.mknod(appliance.root / "dev/kmsg", 0o20666, os.makedev(1, 3))  # null
+    boot = appliance.must("echo $$; exec /etc/init.d/rcS").strip()
+    assert boot in appliance.read("moved").split()
+
+
+@pytest.mark.parametrize("refused", [0, 1])
+def test_what_config_brings_after_the_boot_went_on_counts(with_config, refused):
+    """The report said that it was in force, and the image's identity was on the air until power-off."""
+    with_config.write("data/odid/odid.conf", "before\n")
+    with_config.write("run/odid-appliance/odid.conf", "before\n")
+    with_config.write("usr/bin/odidctl", '#!/bin/sh\n[ "$1" != import ] || echo taken over >/data/odid/odid.conf\n')
+    with_config.write("lib/odid/apply-configuration", f"#!/bin/sh\necho apply >>/calls\nexit {refused}\n")
+    with_config.change("lib/odid/functions", ("sleep 3\n\tdone", ":\n\tdone"))
+    with_config.must("/etc/init.d/S40config")
+    assert with_config.calls().count("apply") == (5 if refused else 1)
+    assert ("counts from the next power-on" in (with_config.fault("config") or "")) == bool(refused)
+    with_config.write("run/odid-appliance/odid.conf", "taken over\n")
+    with_config.must(": >/calls; /etc/init.d/S40config")
+    assert "apply" not in with_config.calls()
 
 
 @pytest.mark.parametrize("octets, taken", [(65536, True), (65537, False)])
@@ -2174,9 +2217,9 @@ def test_an_orderly_end_is_no_fault(appliance):
 
 def test_one_that_keeps_failing_is_a_fault_and_started_less_often(appliance):
     assert ended(appliance, 1, 0, 3) == [], "a first failure is not waited for"
-    assert appliance.fault("test") is None
+    assert appliance.fault("service-test") is None
     assert ended(appliance, 1, 0, 6) == [1, 2, 3, 4, 5, 5]
-    assert "keeps ending (exit code 1)" in appliance.fault("test")
+    assert "keeps ending (exit code 1)" in appliance.fault("service-test")
 
 
 @pytest.fixture
@@ -2193,19 +2236,21 @@ def ended_at(appliance, code, *times):
     for uptime in times:
         appliance.write("uptime", f"{uptime} 0\n")
         appliance.must(f"cd /run/service/test && /lib/odid/finish {code} 0")
-    return appliance.fault("test")
+    return appliance.fault("service-test")
 
 
 def after_15_s(appliance, began):
     appliance.write(f"later-{began}", "")
     wait_for("a look at the service", lambda: appliance.exists(f"looked-{began}"))
-    return appliance.fault("test")
+    return appliance.fault("service-test")
 
 
 def test_one_that_runs_again_is_no_fault_any_more(watched):
+    """One of its own, beside what the service has to say by its name."""
+    watched.write("run/faults/test", "Version 2 was rolled back.\n")
     assert ended_at(watched, 1, "10.0", "11.0", "12.0", "13.0", "15.0")
     assert after_15_s(watched, 13), "it had failed once more since"
-    assert not after_15_s(watched, 15)
+    assert not after_15_s(watched, 15) and watched.fault("test")
 
 
 def test_nor_is_one_that_ended_in_good_order_since(watched):
