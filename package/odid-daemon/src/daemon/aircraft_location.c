@@ -227,7 +227,7 @@ static void know_nothing(struct aircraft_location *out)
 /* One that came too late to count. */
 static bool is_newer(const struct aircraft *aircraft, const struct aircraft_fix *fix)
 {
-    return fix->fix_us > aircraft->last.fix_us && fix->apart_us == INT64_MIN;
+    return fix->fix_us > aircraft->last.fix_us && fix->apart.since_us == INT64_MIN;
 }
 
 void aircraft_keep_location(struct aircraft *aircraft, int64_t now_us)

@@ -160,7 +160,8 @@ static void move_to(const struct aircraft *aircraft, struct aircraft_fix *fix, d
     if (fix->latitude_deg != latitude_deg || fix->longitude_deg != longitude_deg) {
         fix->moved_us = now_us;
         if (aircraft_receiver(aircraft, now_us) == NULL) {
-            fix->apart_us = fix->high_us = INT64_MIN; /* no receiver contradicts this one */
+            fix->apart.since_us = fix->high.since_us =
+                INT64_MIN; /* no receiver contradicts this one */
         }
     }
     fix->latitude_deg = latitude_deg;

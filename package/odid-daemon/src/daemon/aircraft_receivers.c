@@ -24,15 +24,38 @@
 /* ... and cold or warm air by a part of the height: an altitude that moves may be off by it. */
 #define HIGH_APART_OF_HEIGHT 0.15
 
+/* Who is near for a moment was apart all the same: of that time a fifth of the time since is
+ * forgotten. */
+#define FORGOTTEN_PACE 5
+
 enum { TELEMETRY, NATIVE };
+
+static void is_now_apart(struct aircraft_apart *apart, int64_t now_us)
+{
+    int64_t kept_us = apart->for_us - (now_us - apart->until_us) / FORGOTTEN_PACE;
+
+    if (apart->since_us == INT64_MIN) {
+        apart->since_us = now_us - (kept_us > 0 ? kept_us : 0);
+    }
+}
+
+static void is_now_near(struct aircraft_apart *apart, int64_t now_us)
+{
+    if (apart->since_us == INT64_MIN) {
+        return;
+    }
+    apart->for_us = now_us - apart->since_us < APART_US ? now_us - apart->since_us : APART_US;
+    apart->until_us = now_us;
+    apart->since_us = INT64_MIN;
+}
 
 /* Nobody says any more whether it is right. */
 static void forget_contradicted(struct aircraft_fix *fix)
 {
-    if (fix->apart_us != INT64_MIN) {
+    if (fix->apart.since_us != INT64_MIN) {
         fix->fix_us = INT64_MIN;
     }
-    fix->apart_us = fix->high_us = INT64_MIN;
+    fix->apart = fix->high = (struct aircraft_apart){.since_us = INT64_MIN};
 }
 
 void aircraft_forget_receivers(struct aircraft *aircraft)
@@ -115,12 +138,12 @@ static void compare(struct aircraft *aircraft, struct aircraft_receiver *receive
     if (earth_distance_m(receiver->latitude_deg, receiver->longitude_deg, fix->latitude_deg,
                          fix->longitude_deg) <= limit_m) {
         receiver->near_us[which] = now_us;
-        fix->apart_us = INT64_MIN;
+        is_now_near(&fix->apart, now_us);
         return;
     }
     receiver->near_us[which] = INT64_MIN;
-    if (!another_is_near(aircraft, which, now_us) && fix->apart_us == INT64_MIN) {
-        fix->apart_us = now_us;
+    if (!another_is_near(aircraft, which, now_us)) {
+        is_now_apart(&fix->apart, now_us);
     }
 }
 
@@ -146,30 +169,30 @@ static void compare_altitude(const struct aircraft *aircraft,
         limit_m += HIGH_APART_OF_HEIGHT * or_zero(height_m);
     }
     if (!(fabs(above_m) > limit_m)) { /* nor where one of the two isn't known */
-        fix->high_us = INT64_MIN;
-    } else if (fix->high_us == INT64_MIN) {
-        fix->high_us = now_us;
+        is_now_near(&fix->high, now_us);
+    } else {
+        is_now_apart(&fix->high, now_us);
     }
 }
 
 /* A receiver that falls silent takes nothing back. */
-static bool lasts(const struct aircraft_fix *fix, int64_t apart_us, int64_t moved_us,
-                  int64_t now_us)
+static bool lasts(const struct aircraft_fix *fix, const struct aircraft_apart *apart,
+                  int64_t moved_us, int64_t now_us)
 {
     int64_t limit_us = now_us - moved_us > STILL_US ? STILL_APART_US : APART_US;
 
-    return aircraft_fresh(fix->fix_us, now_us) && apart_us != INT64_MIN &&
-           now_us - apart_us >= limit_us;
+    return aircraft_fresh(fix->fix_us, now_us) && apart->since_us != INT64_MIN &&
+           now_us - apart->since_us >= limit_us;
 }
 
 bool aircraft_is_apart(const struct aircraft_fix *fix, int64_t now_us)
 {
-    return lasts(fix, fix->apart_us, fix->moved_us, now_us);
+    return lasts(fix, &fix->apart, fix->moved_us, now_us);
 }
 
 bool aircraft_altitude_is_apart(const struct aircraft_fix *fix, int64_t now_us)
 {
-    return lasts(fix, fix->high_us, fix->climbed_us, now_us);
+    return lasts(fix, &fix->high, fix->climbed_us, now_us);
 }
 
 /* One that hangs, or its driver, repeats its last fix with the time that it had. */
@@ -190,7 +213,7 @@ static void forget_heights(struct aircraft *aircraft, const struct aircraft_rece
                            int64_t now_us)
 {
     if (aircraft_receiver(aircraft, now_us) == receiver) {
-        aircraft->telemetry.high_us = aircraft->native.high_us = INT64_MIN;
+        aircraft->telemetry.high.since_us = aircraft->native.high.since_us = INT64_MIN;
     }
 }
 

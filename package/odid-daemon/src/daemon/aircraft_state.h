@@ -21,16 +21,23 @@
 /* Sixteen pages, one a second, come again within this time. */
 #define AIRCRAFT_AUTHENTICATION_KEPT_US 30000000
 
+/* Something is where no receiver is. */
+struct aircraft_apart {
+    int64_t since_us; /* INT64_MIN: it isn't */
+    int64_t until_us; /* when it was near again, after ... */
+    int64_t for_us;   /* ... that time */
+};
+
 /* A position as one source gave it last. */
 struct aircraft_fix {
     int64_t fix_us; /* on our clock; INT64_MIN: never */
     double latitude_deg, longitude_deg;
     double altitude_msl_m, relative_altitude_m;     /* plain telemetry only */
     double north_mps, east_mps, vertical_speed_mps; /* plain telemetry only */
-    int64_t moved_us;   /* when the place was another one than before, last */
-    int64_t apart_us;   /* since when it is where no receiver is; INT64_MIN: it isn't */
-    int64_t climbed_us; /* the same of its altitude, ... */
-    int64_t high_us;    /* ... which isn't its receiver's since then; INT64_MIN: it is */
+    int64_t moved_us; /* when the place was another one than before, last */
+    struct aircraft_apart apart;
+    int64_t climbed_us;         /* the same of its altitude, ... */
+    struct aircraft_apart high; /* ... which isn't its receiver's */
 };
 
 /* GPS_RAW_INT's, GPS2_RAW's. */

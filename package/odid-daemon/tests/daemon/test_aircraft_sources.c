@@ -498,6 +498,39 @@ static void a_place_where_its_receiver_is_not_does_not_count(void **state)
     assert_false(condition.apart);
 }
 
+/* Where somebody steers an estimator, or says where on the aircraft its receiver is. */
+static void fly_with_an_offset(double offset_m, double seconds)
+{
+    for (double s = 0; s < seconds; s += 0.2) {
+        sim.latitude_deg += 4 / 111320.0; /* 20 m/s */
+        fly(0.2);
+        sim.gps_latitude_deg = sim.latitude_deg - offset_m / 111320.0;
+    }
+}
+
+/* It was believed for nine seconds of ten, and nobody was told. */
+static void near_for_a_moment_is_not_near(void **state)
+{
+    unsigned said = 0;
+
+    (void)state;
+    sim.gps_latitude_deg = sim.latitude_deg;
+    sim.gps_longitude_deg = sim.longitude_deg;
+    sim.north_mps = 20;
+    fly_with_an_offset(0, 3);
+    for (unsigned i = 0; i < 6; i++) {
+        fly_with_an_offset(150, 9);
+        said += condition.apart && !view.location.position_fresh;
+        assert_true(i != 0 || !condition.apart);
+        fly_with_an_offset(0, 2);
+        assert_true(view.location.position_fresh && !condition.apart); /* it counts at once */
+    }
+    assert_int_equal(said, 5);
+    fly_with_an_offset(0, 60); /* and is forgotten */
+    fly_with_an_offset(150, 9);
+    assert_true(view.location.position_fresh && !condition.apart);
+}
+
 /* Of two dimensions, too: it has a place. */
 static void a_receiver_without_height_is_compared(void **state)
 {
@@ -786,6 +819,7 @@ int main(void)
         cmocka_unit_test_setup(a_fix_that_is_lost_is_lost_for_the_native_position_too, begin_setup),
         cmocka_unit_test_setup(a_place_where_its_receiver_is_not_does_not_count, begin_setup),
         cmocka_unit_test_setup(a_native_place_keeps_its_time, begin_setup),
+        cmocka_unit_test_setup(near_for_a_moment_is_not_near, begin_setup),
         cmocka_unit_test_setup(a_receiver_without_height_is_compared, begin_setup),
         cmocka_unit_test_setup(a_place_that_was_contradicted_does_not_come_back_by_silence,
                                begin_setup),

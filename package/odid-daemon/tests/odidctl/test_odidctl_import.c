@@ -322,6 +322,26 @@ static void the_password_is_consumed(void **state)
     assert_int_equal(system("grep -rq '\"password\"' data volume run/faults"), 256);
 }
 
+/* It was in neither place when power was switched off before /data was mended. */
+static void a_password_that_is_in_memory_only_stays_on_the_volume(void **state)
+{
+    static const char given[] = "[maintenance]\npassword = password\n";
+
+    (void)state;
+    shell("mkdir -p run/odid-appliance && touch run/odid-appliance/data-in-memory");
+    put("volume/odid.conf", given);
+    assert_int_equal(CALL("import", "volume"), 0);
+    expect_file("volume/odid.conf", given);
+    expect_report("the password stays in this file until it can be kept");
+    assert_int_equal(CALL("get", "maintenance.password"), 0);
+    assert_string_equal(said, "set\n");
+    shell("rm -r run/odid-appliance/data-in-memory data/secrets"); /* the disk of before */
+    assert_int_equal(CALL("import", "volume"), 0);
+    assert_null(strstr(got("volume/odid.conf"), "= password"));
+    assert_int_equal(CALL("get", "maintenance.password"), 0);
+    assert_string_equal(said, "set\n");
+}
+
 /* The board's own, as long as nobody gives one: the volume shows it, and the access point takes it.
  */
 static void a_password_is_made_and_shown(void **state)
@@ -658,6 +678,7 @@ int main(void)
         TEST(what_was_damaged_is_taken_over_again),
         TEST(the_secret_part_is_not_kept),
         TEST(the_password_is_consumed),
+        TEST(a_password_that_is_in_memory_only_stays_on_the_volume),
         TEST(a_password_is_made_and_shown),
         TEST(a_made_password_without_key_gets_it),
         TEST(no_password_stays_in_a_file_that_does_not_count),
