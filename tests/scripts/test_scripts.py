@@ -488,7 +488,7 @@ def test_nobody_on_the_ground_speaks_as_the_vehicle(appliance, vehicle):
     for name, keys in made.items():
         if "Endpoint" in name and name not in ("UartEndpoint autopilot", "UdpEndpoint daemon"):
             assert keys["BlockSrcSysIn"] == (vehicle or "1") and keys["BlockSrcCompIn"] == "1,236,237,238"
-            assert keys["BlockMsgIdIn"] == "12918,256,126,2,109,166,386,387,388,232,113,48,233,100,106,114,132,295,90,107,115,101,102,103,104,138,331,11011,296,123,11000,11002"
+            assert keys["BlockMsgIdIn"] == "12918,256,126,2,109,166,386,387,388,232,113,48,233,100,106,114,132,295,90,107,115,149,151,101,102,103,104,138,331,11011,296,123,11000,11002"
 
 
 def loaded(appliance):
@@ -2034,6 +2034,28 @@ def test_settings_that_had_been_lost_before_are_said_to_be_by_a_disk_that_comes_
     in_memory.write("run/mended/odid/settings-lost", "")
     in_memory.must(MEND)
     assert "Check the serial number" in in_memory.fault("settings")
+
+
+@pytest.mark.parametrize("old, in_force", [("set before\n", "set before\n"), ("", "as booted\n")])
+def test_a_late_disk_that_cannot_be_repaired_is_read_all_the_same(in_memory, old, in_force):
+    """Another aircraft's identity was on the air, CONFIG's old one, and nothing said so."""
+    if old:
+        in_memory.write("run/old-data/odid/odid.conf", old)
+    in_memory.write("usr/bin/e2fsck", "#!/bin/sh\nexit 8\n")
+    in_memory.must(MEND.replace("\nmend", "\nstate=late\nexec 8</broken\nmend").replace("eval", "echo broken >/broken\neval"))
+    assert "can't be repaired" in in_memory.fault("data") and "mke2fs" not in str(in_memory.calls())
+    assert in_memory.read("data/odid/odid.conf") == in_force
+    assert ("apply" in in_memory.calls()) == bool(old) == (in_memory.fault("settings") is None)
+    if old:
+        assert in_memory.read("run/odid-appliance/data-in-memory") == "copied\n"
+
+
+def test_a_password_that_stayed_on_config_is_blanked_when_the_disk_is_there(in_memory):
+    """It came back at the next power-on, over one that was set since."""
+    in_memory.write("usr/bin/odidctl", NOTES)
+    in_memory.must(MEND.replace("\nmend", "\nmount_config() { :; }\nmend"))
+    calls = in_memory.calls()
+    assert calls.index("odidctl import /run/config") > next(number for number, call in enumerate(calls) if call.startswith("mounted"))
 
 
 @pytest.mark.parametrize("copied", ["", "yes"])

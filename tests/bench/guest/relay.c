@@ -16,9 +16,9 @@
  * (br2-external/patches/mavlink-router): nothing comes in of a message that isn't known, or with a
  * flag that isn't, nor from anybody but the peer that is configured; of a frame for which the
  * serial port had no room the rest goes out before anything else; where messages are blocked, so
- * are all commands but those that were judged, and MAV_CMD_DO_AUX_FUNCTION with GPS_DISABLE. Not
- * as it: what has a target goes out by all endpoints, checksums of known messages aren't looked
- * at, and known are those of the dialect common, there ardupilotmega's. */
+ * are all commands but those that were judged. Not as it: what has a target goes out by all
+ * endpoints, checksums of known messages aren't looked at, and known are those of the dialect
+ * common, there ardupilotmega's. */
 
 #include <arpa/inet.h>
 #include <common/mavlink.h>
@@ -37,9 +37,6 @@
 #define MAX_UDP 8
 #define LISTED 64
 #define BUFFER 4096
-
-#define DO_AUX_FUNCTION 218 /* MAV_CMD_, of the dialect ardupilotmega */
-#define GPS_DISABLE 65      /* one of its functions */
 
 /* Of what comes in by an endpoint. */
 struct filter {
@@ -284,14 +281,14 @@ static bool is_understood(const unsigned char *frame)
 /* Commands, by their numbers from the first to the second one of each pair. */
 static const uint16_t judged_commands[][2] = {
     {16, 25},       {30, 36},       {80, 85},       {92, 95},       {112, 115},     {159, 159},
-    {176, 198},     {200, 218},     {220, 224},     {240, 243},     {245, 246},     {252, 252},
-    {260, 260},     {262, 262},     {300, 300},     {310, 311},     {400, 401},     {405, 406},
-    {410, 410},     {500, 500},     {510, 512},     {519, 522},     {525, 534},     {600, 601},
-    {1000, 1001},   {2000, 2005},   {2010, 2010},   {2500, 2505},   {2510, 2511},   {2520, 2520},
-    {2600, 2600},   {2800, 2800},   {3000, 3001},   {4000, 4001},   {4501, 4501},   {5000, 5004},
-    {5100, 5100},   {5200, 5200},   {5300, 5300},   {10001, 10001}, {10151, 10151}, {30001, 30002},
-    {31000, 31014}, {42000, 42007}, {42424, 42429}, {42501, 42503}, {42505, 42505}, {42600, 42600},
-    {42650, 42651}, {42700, 42703}, {43000, 43002}, {43005, 43005}};
+    {176, 198},     {200, 217},     {220, 224},     {240, 241},     {243, 243},     {245, 246},
+    {252, 252},     {260, 260},     {262, 262},     {300, 300},     {310, 311},     {400, 401},
+    {405, 406},     {410, 410},     {500, 500},     {510, 512},     {519, 522},     {525, 534},
+    {600, 601},     {1000, 1001},   {2000, 2005},   {2010, 2010},   {2500, 2505},   {2510, 2511},
+    {2520, 2520},   {2600, 2600},   {2800, 2800},   {3000, 3001},   {4000, 4001},   {4501, 4501},
+    {5000, 5004},   {5100, 5100},   {5200, 5200},   {5300, 5300},   {10001, 10001}, {10151, 10151},
+    {30001, 30002}, {31000, 31014}, {42000, 42003}, {42424, 42429}, {42501, 42503}, {42505, 42505},
+    {42600, 42600}, {42650, 42651}, {42700, 42703}, {43000, 43002}, {43005, 43005}};
 static bool is_judged(uint16_t command)
 {
     for (size_t i = 0; i < sizeof(judged_commands) / sizeof(judged_commands[0]); i++)
@@ -300,8 +297,8 @@ static bool is_judged(uint16_t command)
     return false;
 }
 /* By a command, what the blocked messages are blocked for: to take the GNSS receivers away, to fill
- * our port with what is on a CAN bus, to say where the vehicle is. COMMAND_INT has its command and
- * its first parameter where COMMAND_LONG has them; what was cut off is 0. */
+ * our port with what is on a CAN bus, to say where the vehicle is. COMMAND_INT has its command
+ * where COMMAND_LONG has it; what was cut off is 0. */
 static bool is_shut_command(const unsigned char *frame)
 {
     const unsigned char *payload = frame + (frame[0] == 0xFE ? 6 : 10);
@@ -310,11 +307,7 @@ static bool is_shut_command(const unsigned char *frame)
     if (message != MAVLINK_MSG_ID_COMMAND_LONG && message != MAVLINK_MSG_ID_COMMAND_INT)
         return false;
     memcpy(&said, payload, frame[1] < sizeof(said) ? frame[1] : sizeof(said));
-    if (said.command != DO_AUX_FUNCTION)
-        return !is_judged(said.command);
-    /* Whoever makes a whole number of it, by rounding or in 16 bits: not that one. */
-    return !(said.param1 >= 0 && said.param1 <= UINT16_MAX) ||
-           (said.param1 > GPS_DISABLE - 1 && said.param1 < GPS_DISABLE + 1);
+    return !is_judged(said.command);
 }
 
 static bool may_enter(const struct filter *filter, const unsigned char *frame)

@@ -66,6 +66,7 @@ void aircraft_forget_receivers(struct aircraft *aircraft)
             INT64_MIN;
     }
     aircraft->no_fix_us = INT64_MIN;
+    aircraft->receivers_known = false;
     forget_contradicted(&aircraft->telemetry);
     forget_contradicted(&aircraft->native);
 }
@@ -239,6 +240,7 @@ void aircraft_take_gps_raw(struct aircraft *aircraft, const struct telemetry_upd
     if (is_repeated(receiver, update)) {
         return;
     }
+    aircraft->receivers_known = true;
     receiver->said_us = now_us;
     receiver->time_us = update->gps_raw.time_us;
     receiver->separation_m = update->gps_raw.separation_m;

@@ -158,8 +158,9 @@ struct aircraft {
     int64_t position_boot_us;              /* its own timestamp, not wrapped, ... */
     unsigned position_boot;                /* ... since which start of the autopilot */
     struct aircraft_receiver receiver[AIRCRAFT_RECEIVERS];
-    int64_t no_fix_us;   /* since when they say that there is none; INT64_MIN: they don't */
-    double separation_m; /* ellipsoid height minus height above mean sea level; NAN unknown */
+    int64_t no_fix_us;    /* since when they say that there is none; INT64_MIN: they don't */
+    bool receivers_known; /* one was heard, since the autopilot started */
+    double separation_m;  /* ellipsoid height minus height above mean sea level; NAN unknown */
 
     struct aircraft_fix native;
     struct aircraft_rate native_rate;

@@ -201,7 +201,7 @@ static void a_late_message_does_not_undo_the_leap_seconds(void **state)
 {
     (void)state;
     for (int64_t late_s = 1; late_s <= 10; late_s++) {
-        struct telemetry_update late;
+        struct telemetry_update late, receiver = update_of(TELEMETRY_GPS_RAW);
 
         begin();
         sim.native = true;
@@ -211,6 +211,9 @@ static void a_late_message_does_not_undo_the_leap_seconds(void **state)
         sim.native = false;
         now_us += 10 * SECOND;
         late = native_of(now_us - late_s * SECOND);
+        receiver.gps_raw.fix_type = GPS_FIX_TYPE_3D_FIX;
+        receiver.gps_raw.latitude_deg = receiver.gps_raw.longitude_deg = NAN;
+        give(&receiver);
         give(&late);
         look();
         assert_int_equal(view.location.position_fresh, late_s < 3);

@@ -571,24 +571,48 @@ static void a_place_that_was_contradicted_does_not_come_back_by_silence(void **s
     }
 }
 
-/* A camera goes on where a receiver was wrong, and is gone; the native LOCATION says that there is
- * a fix. */
+static void fly_on_rated(unsigned i)
+{
+    struct telemetry_update rated = native_of(now_us);
+
+    rated.location.latitude_deg = rated.location.longitude_deg = NAN;
+    give(&rated);
+    sim.latitude_deg += i < 30 ? 0 : 0.00001;
+    fly(0.2);
+}
+
+/* A camera goes on where a receiver was wrong, and has no fix any more; the native LOCATION says
+ * that there is one. */
 static void a_place_that_moves_on_without_its_receiver_counts(void **state)
 {
     (void)state;
     hang_while_the_receiver_flies();
-    sim.gps = false;
+    sim.fix_type = GPS_FIX_TYPE_NO_FIX;
     for (unsigned i = 0; i < 60; i++) {
-        struct telemetry_update rated = native_of(now_us);
-
-        rated.location.latitude_deg = rated.location.longitude_deg = NAN;
-        give(&rated);
-        sim.latitude_deg += i < 30 ? 0 : 0.00001;
-        fly(0.2);
+        fly_on_rated(i);
         assert_int_equal(view.location.position_fresh, i >= 30);
     }
     assert_true(from_telemetry());
     assert_false(condition.apart);
+}
+
+/* GPS_RAW_INT is switched off in the streams: nothing held a false place against anything. */
+static void a_receiver_that_is_silenced_is_no_fix(void **state)
+{
+    (void)state;
+    for (unsigned i = 0; i < 20; i++) {
+        fly_on_rated(60);
+        assert_true(i < 5 || view.location.position_fresh);
+    }
+    sim.gps = false;
+    for (unsigned i = 0; i < 60; i++) {
+        fly_on_rated(60);
+        assert_false(i > 30 && view.location.position_fresh);
+    }
+    assert_false(condition.fix_known);
+    sim.gps = true;
+    fly(1);
+    assert_true(view.location.position_fresh);
 }
 
 /* The first one's place walks away; the second one and the estimator agree. */
@@ -823,6 +847,7 @@ int main(void)
         cmocka_unit_test_setup(a_receiver_without_height_is_compared, begin_setup),
         cmocka_unit_test_setup(a_place_that_was_contradicted_does_not_come_back_by_silence,
                                begin_setup),
+        cmocka_unit_test_setup(a_receiver_that_is_silenced_is_no_fix, begin_setup),
         cmocka_unit_test_setup(a_place_that_moves_on_without_its_receiver_counts, begin_setup),
         cmocka_unit_test_setup(a_position_is_near_where_any_receiver_is, begin_setup),
         cmocka_unit_test_setup(a_receiver_that_jumps_away_for_a_while_is_not_believed, begin_setup),
