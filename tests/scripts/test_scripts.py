@@ -2048,6 +2048,9 @@ def test_a_late_disk_that_cannot_be_repaired_is_read_all_the_same(in_memory, old
     assert ("apply" in in_memory.calls()) == bool(old) == (in_memory.fault("settings") is None)
     if old:
         assert in_memory.read("run/odid-appliance/data-in-memory") == "copied\n"
+        in_memory.write("usr/bin/flock", "#!/bin/sh\necho one key >/data/odid/odid.conf\n")
+        in_memory.must(MEND.replace("\nmend", "\nstate=late\nexec 8</broken\nmend"))
+        assert in_memory.read("data/odid/odid.conf") == old and "save it again" in in_memory.fault("settings")
 
 
 def test_a_password_that_stayed_on_config_is_blanked_when_the_disk_is_there(in_memory):
@@ -2236,7 +2239,7 @@ printf '%s\n' 'fsck.fat 4.2' '/{cut}' '  File size is 5000 bytes, cluster chain 
     with_config.must("/etc/init.d/S40config")
     assert with_config.exists(f"run/config/{cut}.cut-short") and not with_config.exists(f"run/config/{cut}")
     assert with_config.read("data/secrets/hawkbit-token") == "a-secret\n"
-    assert f"put aside: {cut}. What was in force stays" in with_config.fault("config")
+    assert f"put aside: {cut}. What was in force stays" in with_config.fault("config-cut")
 
 
 # --- services -----------------------------------------------------------------------

@@ -48,8 +48,8 @@ bool aircraft_native_fresh(const struct aircraft *aircraft, int64_t now_us)
  * One of its receivers says so, or the autopilot dates and rates its native
  * position: since the receivers that are heard say that there is none, if they
  * do, for it may have another one. An estimator gives a position without any of
- * these. But receivers that were heard and fell silent have been switched off
- * in the streams: the native position is the estimator's own, and would be held
+ * these. But a receiver that was heard and fell silent has been switched off in
+ * the streams: the native position is the estimator's own, and would be held
  * against nothing any more.
  */
 bool aircraft_fix_known(const struct aircraft *aircraft, int64_t now_us)
@@ -57,7 +57,7 @@ bool aircraft_fix_known(const struct aircraft *aircraft, int64_t now_us)
     return aircraft_receiver(aircraft, now_us) != NULL ||
            (aircraft_fresh(aircraft->native_rated_us, now_us) &&
             aircraft->native_rated_us > aircraft->no_fix_us &&
-            (!aircraft->receivers_known || aircraft_receivers_heard(aircraft, now_us)));
+            !aircraft_receiver_fell_silent(aircraft, now_us));
 }
 
 /* At 0,0 the receiver itself has to be there. */

@@ -66,7 +66,6 @@ void aircraft_forget_receivers(struct aircraft *aircraft)
             INT64_MIN;
     }
     aircraft->no_fix_us = INT64_MIN;
-    aircraft->receivers_known = false;
     forget_contradicted(&aircraft->telemetry);
     forget_contradicted(&aircraft->native);
 }
@@ -107,6 +106,18 @@ bool aircraft_receivers_heard(const struct aircraft *aircraft, int64_t now_us)
 {
     for (unsigned i = 0; i < AIRCRAFT_RECEIVERS; i++) {
         if (aircraft_fresh(aircraft->receiver[i].said_us, now_us)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+bool aircraft_receiver_fell_silent(const struct aircraft *aircraft, int64_t now_us)
+{
+    for (unsigned i = 0; i < AIRCRAFT_RECEIVERS; i++) {
+        int64_t said_us = aircraft->receiver[i].said_us;
+
+        if (said_us != INT64_MIN && !aircraft_fresh(said_us, now_us)) {
             return true;
         }
     }
@@ -240,7 +251,6 @@ void aircraft_take_gps_raw(struct aircraft *aircraft, const struct telemetry_upd
     if (is_repeated(receiver, update)) {
         return;
     }
-    aircraft->receivers_known = true;
     receiver->said_us = now_us;
     receiver->time_us = update->gps_raw.time_us;
     receiver->separation_m = update->gps_raw.separation_m;

@@ -158,9 +158,8 @@ struct aircraft {
     int64_t position_boot_us;              /* its own timestamp, not wrapped, ... */
     unsigned position_boot;                /* ... since which start of the autopilot */
     struct aircraft_receiver receiver[AIRCRAFT_RECEIVERS];
-    int64_t no_fix_us;    /* since when they say that there is none; INT64_MIN: they don't */
-    bool receivers_known; /* one was heard, since the autopilot started */
-    double separation_m;  /* ellipsoid height minus height above mean sea level; NAN unknown */
+    int64_t no_fix_us;   /* since when they say that there is none; INT64_MIN: they don't */
+    double separation_m; /* ellipsoid height minus height above mean sea level; NAN unknown */
 
     struct aircraft_fix native;
     struct aircraft_rate native_rate;
@@ -238,6 +237,8 @@ void aircraft_forget_receivers(struct aircraft *aircraft);
 const struct aircraft_receiver *aircraft_receiver(const struct aircraft *aircraft, int64_t now_us);
 /* Does any of them say anything, if only that it has none? */
 bool aircraft_receivers_heard(const struct aircraft *aircraft, int64_t now_us);
+/* Was one of them heard, since the autopilot's start, and says nothing for 3 s now? */
+bool aircraft_receiver_fell_silent(const struct aircraft *aircraft, int64_t now_us);
 /* A receiver flies on, and this position, while it is fresh, has stayed somewhere else for 12 s;
  * for 3 s where it stands still. */
 bool aircraft_is_apart(const struct aircraft_fix *fix, int64_t now_us);

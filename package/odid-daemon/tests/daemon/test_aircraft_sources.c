@@ -599,13 +599,19 @@ static void a_place_that_moves_on_without_its_receiver_counts(void **state)
 /* GPS_RAW_INT is switched off in the streams: nothing held a false place against anything. */
 static void a_receiver_that_is_silenced_is_no_fix(void **state)
 {
+    struct telemetry_update second = update_of(TELEMETRY_GPS2_RAW);
+
     (void)state;
+    second.gps_raw.fix_type = GPS_FIX_TYPE_NO_FIX;
     for (unsigned i = 0; i < 20; i++) {
         fly_on_rated(60);
         assert_true(i < 5 || view.location.position_fresh);
     }
     sim.gps = false;
     for (unsigned i = 0; i < 60; i++) {
+        if (i >= 20 && i % 5 == 0) { /* nor where the other one says that it has none */
+            give(&second);
+        }
         fly_on_rated(60);
         assert_false(i > 30 && view.location.position_fresh);
     }
