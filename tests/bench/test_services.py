@@ -50,7 +50,7 @@ def test_ssh_is_for_an_installed_key_only(make_machine, key, tmp_path):
 
     machine.disk.put_config({"authorized_keys": key.with_suffix(".pub").read_bytes()})
     machine.power_on()
-    machine.wait_inside("SSH", "netstat -ltn | grep -q :22")
+    machine.wait_inside("SSH, and a way to it", "netstat -ltn | grep -q :22 && ip -4 addr show dev eth0 | grep -q 'inet '")
     code, output = ssh(machine, key, "odidctl set self_id.description 'Set over SSH'")
     assert code == 0, output
     code, output = ssh(machine, key, "odidctl set system.category none-such")
@@ -65,7 +65,7 @@ def test_ssh_is_for_an_installed_key_only(make_machine, key, tmp_path):
 
     # What was said to be set is kept, and so is the host's key: the client would complain.
     machine.power_on()
-    machine.wait_inside("SSH", "netstat -ltn | grep -q :22")
+    machine.wait_inside("SSH, and a way to it", "netstat -ltn | grep -q :22 && ip -4 addr show dev eth0 | grep -q 'inet '")
     code, output = ssh(machine, key, "odidctl get self_id.description")
     assert (code, output.strip().splitlines()[-1:]) == (0, ["Set over SSH"]), output
     machine.wait_on_air()
