@@ -367,8 +367,8 @@ static bool was_given_up(void)
  * any more. */
 static bool was_broken_off(bool recorded)
 {
-    return recorded ||
-           (self.variables.slot == self.running && self.variables.unverified == self.other);
+    return self.variables.slot == self.running &&
+           (recorded || self.variables.unverified == self.other);
 }
 
 /* What the boot loader and an earlier process left behind. first: since power-on; later the

@@ -971,6 +971,20 @@ static void what_was_written_to_its_end_is_not_taken_away(void **state)
     assert_int_equal(board.variables.unverified, '\0');
 }
 
+/* Power failed between the commit and the record, and the committed one was restarted three times:
+ * its head was overwritten. */
+static void a_committed_slot_whose_record_stayed_is_not_taken_away(void **state)
+{
+    (void)state;
+    slot_a_runs_1_0_0();
+    written();
+    mark();
+    board.variables = (struct update_variables){.slot = 'b'};
+    begin(true);
+    assert_false(board.spoilt);
+    assert_int_equal(board.variables.slot, 'b');
+}
+
 static void what_was_called_off_before_the_gate_is_not_written(void **state)
 {
     (void)state;
@@ -1035,6 +1049,7 @@ int main(void)
                                setup),
         cmocka_unit_test_setup(what_was_called_off_is_not_started, setup),
         cmocka_unit_test_setup(what_power_broke_off_is_taken_away, setup),
+        cmocka_unit_test_setup(a_committed_slot_whose_record_stayed_is_not_taken_away, setup),
         cmocka_unit_test_setup(what_was_written_to_its_end_is_not_taken_away, setup),
         cmocka_unit_test_setup(what_was_called_off_before_the_gate_is_not_written, setup),
         cmocka_unit_test_setup(who_arms_while_it_flushes_is_not_restarted, setup),
