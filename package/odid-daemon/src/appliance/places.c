@@ -4,6 +4,8 @@
 #include <stdlib.h>
 #include <unistd.h>
 
+#include "appliance/appliance_marks.h"
+
 static void fill(const char **place, const char *root, const char *path)
 {
     char *below;
@@ -42,4 +44,12 @@ const char *places_config_in_force(const struct places *places)
     bool copied = !places->other_config && access(places->in_force, F_OK) == 0;
 
     return copied ? places->in_force : places->config;
+}
+
+bool places_data_in_memory(const struct places *places)
+{
+    char path[PLACES_PATH_SIZE];
+
+    snprintf(path, sizeof(path), "%s/" APPLIANCE_IN_MEMORY, places->state);
+    return access(path, F_OK) == 0;
 }

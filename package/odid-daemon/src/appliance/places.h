@@ -51,4 +51,7 @@ void places_under(struct places *places, const char *root);
 /* The configuration that counts until power-off: what is saved in flight waits for the next one. */
 const char *places_config_in_force(const struct places *places);
 
+/* Is what is written to data lost at power-off? */
+bool places_data_in_memory(const struct places *places);
+
 #endif

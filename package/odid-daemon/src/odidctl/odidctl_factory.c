@@ -4,7 +4,6 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "appliance/appliance_marks.h"
 #include "appliance/armed.h"
 #include "base/whole_file.h"
 #include "odidctl/odidctl.h"
@@ -33,8 +32,7 @@ int odidctl_factory_reset(const struct places *places)
         fprintf(stderr, "odidctl: %s: no factory reset.\n", why);
         return ODIDCTL_NOT_GOOD;
     }
-    snprintf(path, sizeof(path), "%s/" APPLIANCE_IN_MEMORY, places->state);
-    if (access(path, F_OK) == 0) { /* the mark would be gone with it */
+    if (places_data_in_memory(places)) { /* the mark would be gone with it */
         fputs("odidctl: /data is in memory: no factory reset before it is repaired (odidctl "
               "faults).\n",
               stderr);

@@ -11,7 +11,6 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "appliance/appliance_marks.h"
 #include "appliance/faults.h"
 #include "appliance/import_kept.h"
 #include "appliance/password.h"
@@ -150,14 +149,6 @@ static void note_oddities(struct import *self, const char *text, size_t length)
     }
 }
 
-static bool is_in_memory(const struct places *places)
-{
-    char path[PLACES_PATH_SIZE];
-
-    snprintf(path, sizeof(path), "%s/" APPLIANCE_IN_MEMORY, places->state);
-    return access(path, F_OK) == 0;
-}
-
 /* The key first: a password that can't be kept must stay where it is. */
 static void take_password(struct import *self, const char *path, const char *old,
                           const char *blanked, size_t length, const char *password)
@@ -171,7 +162,7 @@ static void take_password(struct import *self, const char *path, const char *old
         return;
     }
     log_info("the maintenance password was taken over");
-    if (is_in_memory(self->places)) {
+    if (places_data_in_memory(self->places)) {
         odidctl_report_line(self->report, "  note: /data is in memory: the password stays in this "
                                           "file until it can be kept");
         return;
