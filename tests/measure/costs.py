@@ -40,6 +40,51 @@ int main(void)
     return schedule == NULL || fscanf(schedule, "%llu", &spent_ns) != 1 || printf("%llu", spent_ns / 200) < 0;
 }
 """
+# Sleeps to the next of its deadlines at the daemon's priority, and does nothing else: says how late 99 of 100 were.
+SLEEPS = """#include <sched.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <sys/timerfd.h>
+#include <time.h>
+#include <unistd.h>
+#define EACH_NS 40000000L
+#define SECOND_NS 1000000000L
+static int by_size(const void *a, const void *b)
+{
+    return (*(const long *)a > *(const long *)b) - (*(const long *)a < *(const long *)b);
+}
+int main(int count, char **words)
+{
+    struct sched_param priority = {.sched_priority = 20};
+    struct itimerspec timer = {0};
+    struct timespec now;
+    int fd = timerfd_create(CLOCK_MONOTONIC, 0);
+    int wakes = count == 2 ? (int)(atof(words[1]) * SECOND_NS / EACH_NS) : 0;
+    long *late_ns = calloc((size_t)wakes, sizeof(long));
+    uint64_t expired;
+
+    if (wakes < 1 || late_ns == NULL) {
+        return 1;
+    }
+    if (sched_setscheduler(0, SCHED_FIFO, &priority) < 0) {
+        return printf("refused") < 0;
+    }
+    clock_gettime(CLOCK_MONOTONIC, &timer.it_value);
+    for (int i = 0; i < wakes; i++) {
+        timer.it_value.tv_nsec += EACH_NS;
+        timer.it_value.tv_sec += timer.it_value.tv_nsec / SECOND_NS;
+        timer.it_value.tv_nsec %= SECOND_NS;
+        if (timerfd_settime(fd, TFD_TIMER_ABSTIME, &timer, NULL) < 0 || read(fd, &expired, 8) != 8) {
+            return 1;
+        }
+        clock_gettime(CLOCK_MONOTONIC, &now);
+        late_ns[i] = (now.tv_sec - timer.it_value.tv_sec) * SECOND_NS + now.tv_nsec - timer.it_value.tv_nsec;
+    }
+    qsort(late_ns, (size_t)wakes, sizeof(long), by_size);
+    return printf("%ld", late_ns[wakes - 1 - wakes / 100]) < 0;
+}
+"""
 LOCATION = 1  # message type, the high nibble of the message's first octet
 MESSAGE_AT = 6  # in legacy advertising data: length, type, UUID, application code, counter
 
@@ -67,6 +112,29 @@ def wake_up_us(folder):
     """What a wake-up with a little work costs a processor of this machine: the median of several times two seconds."""
     program = compiled(folder, "wakes", WAKES)
     return statistics.median(int(subprocess.run([program], capture_output=True, check=True).stdout) / 1000 for _ in range(5))
+
+
+class BareTimer:
+    """How late a program is that does nothing but wake up beside a run: what no deadline on this machine escapes."""
+
+    def __init__(self, folder):
+        self.program, self.process = compiled(folder, "sleeps", SLEEPS), None
+
+    def start(self, seconds):
+        self.process = subprocess.Popen([self.program, str(seconds)], stdout=subprocess.PIPE)
+
+    def late_p99_ms(self):
+        """None where real-time priority is refused."""
+        written = self.process.stdout.read()
+        if self.process.wait(timeout=10) != 0:
+            raise RuntimeError("the bare timer failed")
+        return None if written == b"refused" else int(written) / 1e6
+
+    def stop(self):
+        if self.process:
+            self.process.kill()
+            self.process.wait()
+            self.process.stdout.close()
 
 
 def hello_world_kib(folder):

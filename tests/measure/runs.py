@@ -77,7 +77,7 @@ def violations_without_time(folder, played):
 
 def _fly(bench, name, flight, seconds, load, realtime):
     channels = ("bt4", "bt5", "wifi") if bench.mode == "full" else ("bt4", "wifi")
-    stress = costs.Load(None, 0)
+    stress, bare = costs.Load(None, 0), costs.BareTimer(bench.folder)
     try:
         bench.start_daemon(realtime=realtime)
         bench.wait_on_air(channels)
@@ -88,17 +88,20 @@ def _fly(bench, name, flight, seconds, load, realtime):
                             ",".join(channels), "--title", name)
         pid = bench.daemon.process.pid
         time.sleep(min(SETTLE_S, seconds / 4))
+        bare.start(max(1, seconds - SETTLE_S))
         before, cpu_before_ms, from_s = costs.memory_kib(pid), costs.cpu_ms(pid), time.monotonic()
         time.sleep(max(1, seconds - SETTLE_S))
         after, cpu_after_ms, to_s = costs.memory_kib(pid), costs.cpu_ms(pid), time.monotonic()
         status = bench.status()
         judge.process.wait(timeout=120)
+        bare_timer_ms = bare.late_p99_ms()
         for part, what in ((player, "the player"), (bench.daemon, "the daemon")):
             if part.process.poll() is not None:
                 raise RuntimeError(f"{name}: {what} ended early: {part.log()[-2000:]}")
         if not stress.is_running():
             raise RuntimeError(f"{name}: stress-ng ended before the run did")
     finally:
+        bare.stop()
         stress.stop()
         bench.stop()
     figures = _read_figures(bench.folder, judge.log())
@@ -108,7 +111,8 @@ def _fly(bench, name, flight, seconds, load, realtime):
                    cpu_ms_per_s=(cpu_after_ms - cpu_before_ms) / (to_s - from_s),
                    slot_jitter_p99_ms=status["schedule"]["slot_lateness_p99_us"] / 1000,
                    slot_jitter_max_ms=status["schedule"]["slot_lateness_max_us"] / 1000,
-                   slots_skipped=status["schedule"]["skipped"], realtime=status["privilege"]["realtime"])
+                   bare_timer_p99_ms=bare_timer_ms, slots_skipped=status["schedule"]["skipped"],
+                   realtime=status["privilege"]["realtime"])
     return figures
 
 
