@@ -18,6 +18,7 @@ BUILT_IN = set("""
 WORDS = set("if then else elif fi for while until do done case esac in { } ! function".split())
 # They run what comes after them: how many of their own words come before that.
 RUNNERS = {"exec": 0, "nice": 2, "timeout": 1, "chrt": 2, "setsid": 0, "nohup": 0, "xargs": 0, "env": 0}
+SOURCED = [OVERLAY / "lib/odid" / name for name in ("functions", "data-disk")]
 
 
 def applets():
@@ -79,7 +80,7 @@ def scripts():
     for path in sorted(OVERLAY.rglob("*")):
         if path.is_file() and not path.is_symlink():
             text = path.read_bytes()
-            if text.startswith(b"#!/bin/sh") or path == OVERLAY / "lib/odid/functions":
+            if text.startswith(b"#!/bin/sh") or path in SOURCED:
                 yield path, text.decode()
 
 
@@ -96,7 +97,7 @@ def test_the_reading_of_the_shell_finds_a_program():
 
 
 def test_programs_that_scripts_call_are_in_the_image():
-    shared = defined(read("overlay/lib/odid/functions"))
+    shared = set().union(*(defined(path.read_text()) for path in SOURCED))
     lost = {}
     for path, text in scripts():
         unknown = commands(text) - provided() - BUILT_IN - shared - defined(text)

@@ -1756,7 +1756,8 @@ def test_a_damaged_vehicle_takes_no_telemetry_away(appliance, damaged):
 
 
 CARRY = """. /lib/odid/functions
-eval "$(sed -n '/^copy_settings()/,/^}/p; /^carry_over()/,/^}/p' /etc/init.d/S30data)"
+. /lib/odid/data-disk
+eval "$(sed -n '/^carry_over()/,/^}/p' /lib/odid/mend-data)"
 carry_over /run/mended"""
 
 
@@ -1878,14 +1879,24 @@ def test_a_factory_reset_forgets_nothing_that_config_can_t_bring_back(appliance,
 # --- damage -------------------------------------------------------------------------
 
 
+PLAYED = """mount() { while [ -e /hangs ] && [ $2 = ext4 ]; do usleep 20000; done; echo mount $* >>/calls; }
+umount() { echo umount $* >>/calls; }
+mountpoint() { ! cat /unmounted; }
+blockdev() { cat /getro; }
+read_only() { [ $1 = /run/looked ] && [ -e /read-only ]; }
+nice() { shift 2; "$@"; }
+mke2fs() { echo mke2fs $* >>/calls; }
+"""
+
+
 @pytest.fixture
 def with_data(appliance):
     """/data on a disk that is a file, with what mounts it played."""
     appliance.write("dev/disk/odid/data", "\0" * 4096)
-    appliance.change("etc/init.d/S30data", ("[ ! -b ", "[ ! -e "), ("[ -b ", "[ -e "), (". /lib/odid/functions", (
-        ". /lib/odid/functions; mount() { while [ -e /hangs ] && [ $2 = ext4 ]; do usleep 20000; done; echo mount $* >>/calls; }; "
-        "umount() { echo umount $* >>/calls; }; mountpoint() { ! cat /unmounted; }; "
-        "blockdev() { cat /getro; }; read_only() { [ $1 = /run/looked ] && [ -e /read-only ]; }")))
+    appliance.change("etc/init.d/S30data", ("[ ! -b ", "[ ! -e "), ("[ -b ", "[ -e "))
+    for script in ("etc/init.d/S30data", "lib/odid/mend-data"):
+        appliance.change(script, (". /lib/odid/data-disk", ". /lib/odid/data-disk\n. /played"))
+    appliance.write("played", PLAYED)
     appliance.write("getro", "0\n")
     appliance.write("etc/odid/odid.conf", "the image's\n")
     for name, text in {"e2fsck": NOTES, "fsync": "#!/bin/sh\n[ ! -e /turns ] || { : >/read-only; exit 1; }\n"}.items():
@@ -1951,10 +1962,14 @@ def test_damage_that_the_kernel_has_noted_is_mended_before_data_is_used(with_dat
     assert ("was damaged, and was repaired" in (with_data.fault("data") or "")) == mended
 
 
-MEND = """eval "$(sed '/^trap /,$d' /etc/init.d/S30data)"
-nice() { shift 2; "$@"; }
-mount_data() { echo mounted while $(readlink /proc/$$/fd/9) is held >>/calls; cp -a /run/mended/. /data/; }
-mend"""
+MOUNTED = """mount_data() { echo mounted while $(readlink /proc/$$/fd/9) is held >>/calls; cp -a /run/mended/. /data/; }
+"""
+
+
+def mend(appliance, command="/lib/odid/mend-data broken '' ''", played=""):
+    """The disk is /run/mended, whatever becomes of it."""
+    appliance.write("played", PLAYED + MOUNTED + played)
+    appliance.must(command)
 
 
 @pytest.fixture
@@ -1980,7 +1995,7 @@ def test_what_comes_back_with_the_mended_disk_counts(in_memory, name, on_disk, r
     """odid.conf said one aircraft, and another one was broadcast until power-off."""
     in_memory.write(f"run/mended/{name}", on_disk)
     in_memory.write("refused", f"{refused}\n")
-    in_memory.must(MEND)
+    mend(in_memory)
     assert in_memory.read(f"data/{name}") == on_disk and in_memory.fault("settings") is None
     assert in_memory.calls().count("apply") == applied
     assert "was repaired or made anew" in in_memory.fault("data")
@@ -1994,7 +2009,7 @@ def test_what_config_has_brought_since_goes_before_what_the_disk_had(in_memory, 
     in_memory.write(f"data/{name}.imported", "new\n")
     in_memory.write(f"run/mended/{name}", "of before\n")
     in_memory.write(f"run/mended/{name}.imported", "old\n")
-    in_memory.must(MEND)
+    mend(in_memory)
     assert in_memory.read(f"data/{name}") == "new on CONFIG\n" and in_memory.read(f"data/{name}.imported") == "new\n"
     assert "apply" not in in_memory.calls()
 
@@ -2012,7 +2027,11 @@ def test_a_factory_reset_on_a_damaged_disk_is_done_once(in_memory, asked, refuse
     in_memory.write("run/mended/odid/factory-reset", "")
     in_memory.write("run/mended/odid/odid.conf", "set before\n")
     in_memory.write("run/mended/secrets/maintenance.psk", KEY + "\n")
-    in_memory.must(MEND.replace("\nmend", "\ncopy_old\nrm -f /data/odid/factory-reset\nmend"))
+    mend(in_memory, """. /lib/odid/data-disk; . /played
+eval "$(sed -n '/^copy_old()/,/^}/p' /etc/init.d/S30data)"
+copy_old
+rm -f /data/odid/factory-reset
+/lib/odid/mend-data broken "$copied" "$reset\"""")
     assert in_memory.read("data/odid/odid.conf") == there
     assert not in_memory.exists("run/mended/odid/factory-reset")
     assert ("There was no factory reset" in (in_memory.fault("factory-reset") or "")) == (not asked or refused)
@@ -2024,7 +2043,7 @@ def test_one_key_that_was_saved_beside_an_unknown_disk_replaces_nothing(in_memor
     """The image's odid.conf with that key took the place of all that was set, and nothing was said. It is saved just in time."""
     in_memory.write("run/mended/odid/odid.conf", "all of it\n")
     in_memory.write("usr/bin/flock", "#!/bin/sh\necho one key >/data/odid/odid.conf\n")
-    in_memory.must(MEND.replace("\nmend", f"\ncopied={copied}\nmend"))
+    mend(in_memory, f"/lib/odid/mend-data broken '{copied}' ''")
     assert in_memory.read("data/odid/odid.conf") == counts
     assert ("save it again" in in_memory.fault("data")) != bool(copied)
 
@@ -2032,7 +2051,7 @@ def test_one_key_that_was_saved_beside_an_unknown_disk_replaces_nothing(in_memor
 def test_settings_that_had_been_lost_before_are_said_to_be_by_a_disk_that_comes_late(in_memory):
     """Until the next power-on any older version was taken, and nobody was told why another aircraft was on the air."""
     in_memory.write("run/mended/odid/settings-lost", "")
-    in_memory.must(MEND)
+    mend(in_memory)
     assert "Check the serial number" in in_memory.fault("settings")
 
 
@@ -2042,21 +2061,21 @@ def test_a_late_disk_that_cannot_be_repaired_is_read_all_the_same(in_memory, old
     if old:
         in_memory.write("run/old-data/odid/odid.conf", old)
     in_memory.write("usr/bin/e2fsck", "#!/bin/sh\nexit 8\n")
-    in_memory.must(MEND.replace("\nmend", "\nstate=late\nexec 8</broken\nmend").replace("eval", "echo broken >/broken\neval"))
+    mend(in_memory, "echo broken | /lib/odid/mend-data late '' ''")
     assert "can't be repaired" in in_memory.fault("data") and "mke2fs" not in str(in_memory.calls())
     assert in_memory.read("data/odid/odid.conf") == in_force
     assert ("apply" in in_memory.calls()) == bool(old) == (in_memory.fault("settings") is None)
     if old:
         assert in_memory.read("run/odid-appliance/data-in-memory") == "copied\n"
         in_memory.write("usr/bin/flock", "#!/bin/sh\necho one key >/data/odid/odid.conf\n")
-        in_memory.must(MEND.replace("\nmend", "\nstate=late\nexec 8</broken\nmend"))
+        mend(in_memory, "echo broken | /lib/odid/mend-data late '' ''")
         assert in_memory.read("data/odid/odid.conf") == old and "save it again" in in_memory.fault("settings")
 
 
 def test_a_password_that_stayed_on_config_is_blanked_when_the_disk_is_there(in_memory):
     """It came back at the next power-on, over one that was set since."""
     in_memory.write("usr/bin/odidctl", NOTES)
-    in_memory.must(MEND.replace("\nmend", "\nmount_config() { :; }\nmend"))
+    mend(in_memory, played="mount_config() { :; }\n")
     calls = in_memory.calls()
     assert calls.index("odidctl import /run/config") > next(number for number, call in enumerate(calls) if call.startswith("mounted"))
 
@@ -2065,7 +2084,7 @@ def test_a_password_that_stayed_on_config_is_blanked_when_the_disk_is_there(in_m
 def test_settings_that_were_lost_with_the_disk_are_said_to_be(in_memory, copied):
     """But not those that could be read before it was mended, and are in force."""
     (in_memory.root / "run/mended/odid/odid.conf").unlink()
-    in_memory.must(MEND.replace("\nmend", f"\ncopied={copied}\nmend"))
+    mend(in_memory, f"/lib/odid/mend-data broken '{copied}' ''")
     assert in_memory.read("data/odid/odid.conf") == "as booted\n" and "apply" not in in_memory.calls()
     if copied:
         assert in_memory.fault("settings") is None
@@ -2075,13 +2094,13 @@ def test_settings_that_were_lost_with_the_disk_are_said_to_be(in_memory, copied)
 
 
 def test_a_disk_that_is_mended_and_can_t_be_mounted_is_said_to_be(in_memory):
-    in_memory.must(MEND.replace("is held >>/calls", "is held >>/calls; return 1"))
+    mend(in_memory, played="mount_data() { false; }\n")
     assert "can't be repaired" in in_memory.fault("data")
 
 
 def test_nothing_is_set_between_the_carrying_over_and_the_mount(in_memory):
     """It was said to be saved, and lay below what was mounted then."""
-    in_memory.must(MEND)
+    mend(in_memory)
     done = [call for call in in_memory.calls() if re.match("flock|umount /run/mended|mounted", call)]
     assert done == ["flock 9", "umount /run/mended", "mounted while /data/odid/.lock is held"]
     assert stat.S_IMODE((in_memory.root / "data/odid/.lock").stat().st_mode) == 0o600  # who may open it may hold it
@@ -2107,7 +2126,7 @@ def test_whatever_ends_the_script_there_is_a_data(with_data):
 def test_data_is_full_only_where_there_is_no_room(with_data, free, said):
     """A disk that took nothing any more was "full", too."""
     with_data.write("free", free + "\n")
-    with_data.change("etc/init.d/S30data", (". /lib/odid/functions", ". /lib/odid/functions; fsync() { false; }; stat() { cat /free; }"))
+    with_data.write("played", PLAYED + "fsync() { false; }\nstat() { cat /free; }\n")
     with_data.must("/etc/init.d/S30data")
     assert said in with_data.fault("data") and "mount --move /run/looked /data" in with_data.calls()
 
@@ -2133,7 +2152,6 @@ def test_a_disk_that_answers_late_keeps_nobody_waiting(in_memory, whole):
     in_memory.change("etc/init.d/S30data", ("read -r -t 12 ", "read -r -t 1 "))
     in_memory.write("run/looked/odid/odid.conf", "set before\n")
     in_memory.write("hangs", "")
-    in_memory.change("etc/init.d/S30data", ("nice -n 10 ", ""))
     if not whole:
         in_memory.write("turns", "")
     script = in_memory.start("exec /etc/init.d/S30data")
