@@ -32,8 +32,8 @@ NOTES = """#!/bin/sh
 echo "${0##*/} $*" >>/calls
 echo OK
 """
-# Debian's BusyBox has none; nothing runs twice here.
-FLOCK = "#!/bin/sh\n"
+# Debian's BusyBox has neither; nothing runs twice here, and no power is cut.
+FLOCK = FSYNC = "#!/bin/sh\n"
 NETDEV = 100  # the group
 NOTED = ("sv", "nft", "hostapd_cli", "ip")
 # BusyBox' shell takes its own `ip` before the one that is noted: what a script does to a network, a name, a clock or a
@@ -55,7 +55,7 @@ class Appliance:
         shutil.copytree(OVERLAY, root, symlinks=True, dirs_exist_ok=True)
         for name, number in (("null", 3), ("zero", 5), ("urandom", 9)):
             os.mknod(root / "dev" / name, 0o20666, os.makedev(1, number))
-        for name, text in {"odidctl": ODIDCTL, "flock": FLOCK, **dict.fromkeys(NOTED, NOTES)}.items():
+        for name, text in {"odidctl": ODIDCTL, "flock": FLOCK, "fsync": FSYNC, **dict.fromkeys(NOTED, NOTES)}.items():
             (root / "usr/bin" / name).write_text(text)
             (root / "usr/bin" / name).chmod(0o755)
         self.settings()

@@ -241,7 +241,7 @@ def test_the_board_restarts_on_the_ground_and_once(appliance, make_driven, watch
 def test_armed_at_the_last_moment_nothing_is_remembered(appliance, make_driven, watch):
     """That radio's last remedy was gone, also over power-offs."""
     make_driven("hci0", *SERIAL)
-    appliance.change(RUN, ("&& sync; }", "&& echo armed once 1 said >/armed; }"))
+    appliance.change(RUN, ("&& fsync \"$mark\"; }", "&& echo armed once 1 said >/armed; }"))
     watch()
     stays_away(appliance, "hci0")
     assert "armed once" in appliance.read("armed") and "restarts" not in appliance.calls()

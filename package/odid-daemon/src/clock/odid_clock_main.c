@@ -33,8 +33,9 @@ static struct {
     struct places places;
     bool boot, dry_run;
     int64_t build_us;
-    int64_t save_us; /* CLOCK_MONOTONIC: when the time is to be saved next */
-    bool is_new;     /* the clock was set far ahead since it was saved */
+    int64_t save_us;               /* CLOCK_MONOTONIC: when the time is to be saved next */
+    bool is_new;                   /* the clock was set far ahead, and that has not stood yet */
+    int64_t known_us, known_at_us; /* the time at the start, or that has stood since; when */
     /* said already, and not to be said again as long as it is so */
     int save_error;
     bool implausible;
@@ -142,19 +143,26 @@ static void save(void)
     self.is_new = false;
 }
 
+static void note_known(void)
+{
+    self.known_us = time_us(CLOCK_REALTIME);
+    self.known_at_us = time_us(CLOCK_MONOTONIC);
+}
+
 /*
  * Every later start begins with what is saved. A time that lies far ahead may be forged, or of a
- * receiver that counts its weeks wrongly: it has to have stood for ten minutes, and so has any
- * that takes its place. One that lies behind puts right what was saved, at once.
+ * receiver that counts its weeks wrongly: it has to have stood for ten minutes. Far from what has
+ * stood, not from the clock: who forges it comes in many steps. One that lies behind puts right
+ * what was saved, at once.
  */
 static void set_to_autopilots(int64_t autopilot_us)
 {
-    bool far_ahead = autopilot_us - time_us(CLOCK_REALTIME) > FAR_US;
+    int64_t expected_us = self.known_us + time_us(CLOCK_MONOTONIC) - self.known_at_us;
 
     if (set_clock(autopilot_us, "the autopilot's time") < 0) {
         return;
     }
-    if (far_ahead || self.is_new) {
+    if (autopilot_us - expected_us > FAR_US) {
         self.is_new = true;
         self.save_us = time_us(CLOCK_MONOTONIC) + SAVE_EVERY_US;
     } else {
@@ -210,10 +218,12 @@ static int follow_autopilot(void)
     }
     signal(SIGPIPE, SIG_IGN); /* of the log */
     self.save_us = time_us(CLOCK_MONOTONIC) + SAVE_EVERY_US;
+    note_known();
     do {
         pause.tv_sec = look_at_autopilot() ? LOOK_AGAIN_S : ASK_AGAIN_S;
-        if (time_us(CLOCK_MONOTONIC) >= self.save_us) {
+        if (time_us(CLOCK_MONOTONIC) >= self.save_us) { /* since then it was not set */
             save();
+            note_known();
         }
         number = sigtimedwait(&set, NULL, &pause);
     } while (number < 0);

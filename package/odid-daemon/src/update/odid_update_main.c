@@ -371,12 +371,31 @@ static bool was_broken_off(bool recorded)
            (recorded || self.variables.unverified == self.other);
 }
 
+/* Only a record of what U-Boot's variables tell of: into the version that runs, or out of it. One
+ * of an earlier update is there still where /data took nothing any more when it was to go. */
+static bool read_record(void)
+{
+    bool into = is_trial(&self.variables, self.running);
+
+    if (update_read_record(DATA, &self.record) < 0) {
+        return false;
+    }
+    if (self.record.slot == self.running ||
+        (!into && strcmp(self.record.from, self.version) == 0)) {
+        return true;
+    }
+    log_warning("the record of an update to slot %c, version %s, is an earlier one's: left alone",
+                self.record.slot, self.record.to);
+    self.record = (struct update_record){.slot = '\0'};
+    return false;
+}
+
 /* What the boot loader and an earlier process left behind. first: since power-on; later the
  * kernel's command line is an old story, and an install may be going on. */
 static void resume(bool first, int64_t now_us)
 {
     const struct update_variables *variables = &self.variables;
-    bool recorded = update_read_record(DATA, &self.record) == 0;
+    bool recorded = read_record();
     char fallback[128] = "";
 
     self.record.unattended = self.record.unattended || !recorded; /* for all that is known */

@@ -1,5 +1,6 @@
 /* odid-update: how the board is, what worked before the update, and how its trial ends. */
 #include <errno.h>
+#include <fcntl.h>
 #include <json-c/json_object.h>
 #include <signal.h>
 #include <stdio.h>
@@ -224,6 +225,18 @@ void service_roll_back(struct service *self, int64_t now_us)
     service_give_up(self, now_us);
 }
 
+/* sync() would wait as well for whatever somebody is mounting, a broken stick for instance. What
+ * was written of the slot and of U-Boot's variables is on the disk. */
+static void flush_data(void)
+{
+    int fd = open(DATA, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+
+    service_complain("/data can't be flushed", fd < 0 || syncfs(fd) < 0 ? -errno : 0);
+    if (fd >= 0) {
+        close(fd);
+    }
+}
+
 void service_restart_board(struct service *self)
 {
     struct update_board board;
@@ -235,7 +248,7 @@ void service_restart_board(struct service *self)
         service_complain("maintenance can't be kept over the restart",
                          whole_file_replace(MAINTENANCE_AGAIN, "", 0, 0644));
     }
-    sync(); /* which takes its time: nobody may have armed meanwhile */
+    flush_data(); /* which takes its time: nobody may have armed meanwhile */
     json_object_put(ask_daemon(self, &board));
     if (board.armed) {
         /* Else it would open at some later power-on. */

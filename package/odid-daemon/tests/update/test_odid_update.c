@@ -23,13 +23,13 @@
 
 int odid_update_main(int argc, char *argv[]);
 static int model_kill(pid_t process, int signal);
-static void model_sync(void);
+static int model_syncfs(int fd);
 
 #define kill model_kill
 #define status_fetch model_fetch
 #define update_gate_serve model_gate_serve
 #define update_gate_ask model_gate_ask
-#define sync model_sync
+#define syncfs model_syncfs
 #define update_write_result model_write_result
 #define update_write_record model_write_record
 #define main odid_update_main
@@ -40,7 +40,7 @@ static void model_sync(void);
 #include "update/update_hawkbit.c"
 #undef main
 #undef kill
-#undef sync
+#undef syncfs
 #undef update_write_result
 #undef update_write_record
 
@@ -73,9 +73,11 @@ static int model_kill(pid_t process, int signal)
     return 0;
 }
 
-static void model_sync(void)
+static int model_syncfs(int fd)
 {
+    assert_true(fd >= 0);
     board.armed = board.armed || board.arms_while_flushing;
+    return 0;
 }
 
 bool update_environment_find(const char *link, const char *found, const char *config, char *problem,
@@ -985,6 +987,37 @@ static void a_committed_slot_whose_record_stayed_is_not_taken_away(void **state)
     assert_int_equal(board.variables.slot, 'b');
 }
 
+/* /data had turned read-only before the record of the update to b could go. */
+static void a_record_stayed_and_slot_a_runs_1_2_0(void)
+{
+    slot_b_is_on_trial();
+    put(STATE "/slot", "a\n");
+    put(VERSION_FILE, "1.2.0\n");
+}
+
+/* Each later one was rolled back: "It calls itself version 1.2.0". */
+static void a_record_that_stayed_says_nothing_of_a_later_trial(void **state)
+{
+    (void)state;
+    a_record_stayed_and_slot_a_runs_1_2_0();
+    board.variables =
+        (struct update_variables){.slot = 'b', .trial = 'a', .upgrade_available = true};
+    begin(true);
+    pass(70);
+    assert_int_equal(board.variables.trial_failed, '\0');
+    assert_int_equal(board.variables.slot, 'a');
+}
+
+/* The slot to fall back to was overwritten. */
+static void a_record_that_stayed_takes_no_other_slot_away(void **state)
+{
+    (void)state;
+    a_record_stayed_and_slot_a_runs_1_2_0();
+    board.variables = (struct update_variables){.slot = 'a'};
+    begin(true);
+    assert_false(board.spoilt);
+}
+
 static void what_was_called_off_before_the_gate_is_not_written(void **state)
 {
     (void)state;
@@ -1050,6 +1083,8 @@ int main(void)
         cmocka_unit_test_setup(what_was_called_off_is_not_started, setup),
         cmocka_unit_test_setup(what_power_broke_off_is_taken_away, setup),
         cmocka_unit_test_setup(a_committed_slot_whose_record_stayed_is_not_taken_away, setup),
+        cmocka_unit_test_setup(a_record_that_stayed_says_nothing_of_a_later_trial, setup),
+        cmocka_unit_test_setup(a_record_that_stayed_takes_no_other_slot_away, setup),
         cmocka_unit_test_setup(what_was_written_to_its_end_is_not_taken_away, setup),
         cmocka_unit_test_setup(what_was_called_off_before_the_gate_is_not_written, setup),
         cmocka_unit_test_setup(who_arms_while_it_flushes_is_not_restarted, setup),
