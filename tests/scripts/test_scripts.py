@@ -1272,7 +1272,8 @@ def test_what_is_asked_and_answered_by_a_cable_is_no_line_in_the_log_each_time(a
 
 
 @pytest.mark.parametrize("interface, armed, waits", [
-    ("usb1", "armed once 1", True), ("usb1", "disarmed once 1", False), ("usb0", "armed once 1", False)])
+    ("usb1", "armed once 1 said", True), ("usb1", "disarmed once 1 said", False), ("usb0", "armed once 1 said", False),
+    ("usb1", "disarmed never 0 unheard", False), ("usb1", "disarmed once 1 silent", True), ("usb1", "disarmed never 0 awaited", True)])
 def test_in_the_air_no_adapter_is_switched_on_but_the_ground_station_s(appliance, interface, armed, waits):
     """One that answers nothing holds the kernel's network lock for minutes, and hostapd's beacons wait for that."""
     appliance.settings(ground_station__interface="usb0")
@@ -1499,7 +1500,8 @@ def stick(appliance):
     (appliance.root / "run/swupdate").mkdir()
     for name in ("swupdate/sockinstctrl", "odid-appliance/update.sock"):
         os.mknod(appliance.root / "run" / name, stat.S_IFSOCK | 0o600)
-    appliance.write("armed", "disarmed never 1\n")
+    appliance.write("armed", "disarmed never 1 said\n")
+    appliance.write("dev/sda1", "\0" * 512)
 
     appliance.change("lib/odid/update-stick", ("do sleep 2; done", "do : >/waits; sleep 0.1; done"))
 
@@ -1534,13 +1536,23 @@ def test_no_other_file_system_is_mounted(stick, kind):
     stays("it is left alone", lambda: stick.appliance.calls()[1:] == ["umount", "blkid"], 0.5)
 
 
-@pytest.mark.parametrize("armed", ["armed once 1", "unknown once 1"])
+@pytest.mark.parametrize("head, mounted", [(b"\0\0\0\2", True), (b"\1\0\0\2", False), (b"\xff" * 4, False), (b"", False)])
+def test_an_exfat_that_would_take_all_memory_is_not_mounted(stick, head, mounted):
+    """Its map of clusters is read whole, 512 MiB of 2^32 of them, in the kernel and beyond the group's limit."""
+    (stick.appliance.root / "dev/sda1").write_bytes(b"\0" * 92 + head + b"\0" * (412 if head else 0))
+    calls = stick("exfat", last="umount" if mounted else "blkid")
+    stays("it is left alone, or was mounted", lambda: any("mount -t" in call for call in stick.appliance.calls()) == mounted, 0.5)
+    assert "blkid" in calls
+
+
+@pytest.mark.parametrize("armed", ["armed once 1 said", "unknown once 1 unsaid", "disarmed never 1 silent", "disarmed never 0 awaited"])
 def test_nothing_of_a_stick_is_read_unless_disarmed(stick, armed):
+    """Nor while the autopilot is silent: who had made it so, by a parameter, had a stick read in the air."""
     stick.appliance.write("armed", armed)
     limited, = stick(last="limited stick 50 48 /lib/odid/update-stick attend")
     wait_for("it to wait", lambda: stick.appliance.exists("waits"))
     stays("nothing is read", lambda: stick.appliance.calls() == [limited], 0.5)
-    stick.appliance.write("armed", "disarmed once 1")
+    stick.appliance.write("armed", "disarmed once 1 said")
     wait_for("the bundle to be offered", lambda: "odidctl update /run/stick" in stick.appliance.calls())
 
 
@@ -1564,7 +1576,7 @@ def test_a_stick_that_takes_its_time_isn_t_read_in_the_air(stick, slow, read):
     stays("nothing more is read", lambda: [call for call in stick.appliance.calls() if "mount -t" in call] == read
           and "odidctl update /run/stick" not in stick.appliance.calls(), 0.5)
     assert "blkid" in calls
-    stick.appliance.write("armed", "disarmed once 1\n")
+    stick.appliance.write("armed", "disarmed once 1 said\n")
     wait_for("the bundle to be offered after the flight", lambda: "odidctl update /run/stick" in stick.appliance.calls())
 
 
@@ -2469,6 +2481,7 @@ def test_a_stranger_with_the_keeper_s_number_feeds_no_watchdog(appliance, same):
 @pytest.mark.parametrize("armed, state, left", [
     ("disarmed never 1 said", "trial", True),
     ("disarmed never 0 unheard", "trial", True),
+    ("disarmed never 0 awaited", "trial", True),
     ("disarmed never 1 silent", "trial", False),  # it may fly
     ("disarmed never 1 said", "idle", False),  # it is decided
     ("armed once 1 said", "trial", False),

@@ -67,6 +67,7 @@ class Autopilot:
 
     def _rewritten(self, octets, fields):
         message = copy.copy(decoded(octets))
+        message._header = copy.copy(message.get_header())
         if self.rewrite and self.rewrite(message) is False:
             return None, None
         if hasattr(message, "time_boot_ms"):

@@ -248,12 +248,25 @@ def test_one_that_says_all_but_heartbeats_from_the_start_is_no_absent_one(make_f
     flight.at(0.1, flight.kill_service, "odid-keeper")
     flight.at(6, setattr, flight.autopilot, "rewrite", lambda message: message.get_type() != "HEARTBEAT")
     flight.fly(8.5)
-    assert armed_word(flight) == "unheard"
+    assert armed_word(flight) == ("awaited" if words else "unheard")
     flight.fly(10)
     assert armed_word(flight) == "unsaid"
     flight.at(10, setattr, flight.autopilot, "rewrite", None)
     flight.fly(12)
     assert armed_word(flight) in ("no", "yes")
+
+
+def test_one_that_says_heartbeats_as_another_component_is_no_absent_one(make_flight):
+    """A parameter gave PX4 that one, from the next power-on on: a server's update could begin in the air."""
+    flight = make_flight(kept=True)
+    flight.daemon_words = ("-expect-vehicle", "1")
+    flight.autopilot.rewrite = lambda message: False
+    flight.at(0.1, flight.kill_service, "odid-keeper")
+    flight.at(6, setattr, flight.autopilot, "rewrite", lambda message: setattr(message.get_header(), "srcComponent", 2))
+    flight.fly(8)
+    assert armed_word(flight) == "awaited"
+    flight.fly(11)
+    assert armed_word(flight) == "unsaid"
 
 
 def test_one_that_speaks_on_under_another_number_has_not_said_that_it_is_disarmed(make_flight):

@@ -12,7 +12,8 @@ enum armed {
     ARMED_UNKNOWN, /* the daemon doesn't answer */
     ARMED_YES,
     ARMED_UNSAID, /* the vehicle speaks, and doesn't say it */
-    ARMED_SILENT, /* disarmed when it fell silent: for whoever is there, the same as no */
+    ARMED_SILENT, /* disarmed when it fell silent, or silent since power-on where there was one
+                     before: for whoever is there, the same as no */
     ARMED_NO,
 };
 

@@ -15,11 +15,9 @@
 /* Beyond what MAVLink can say; the text has room for it. */
 #define ALTITUDE_MAX_M 1e7
 
-static const char *const armed_words[] = {[KEPT_UNHEARD] = "unheard",
-                                          [KEPT_DISARMED] = "no",
-                                          [KEPT_ARMED] = "yes",
-                                          [KEPT_SILENT] = "silent",
-                                          [KEPT_UNSAID] = "unsaid"};
+static const char *const armed_words[] = {
+    [KEPT_UNHEARD] = "unheard", [KEPT_DISARMED] = "no",   [KEPT_ARMED] = "yes",
+    [KEPT_SILENT] = "silent",   [KEPT_UNSAID] = "unsaid", [KEPT_AWAITED] = "awaited"};
 
 static bool is_altitude(double altitude_m)
 {

@@ -6,7 +6,8 @@
  *   armed yes                  yes, or no: by what the autopilot says; what it
  *                              said last was no, and it is silent, or speaks on
  *                              without a HEARTBEAT (unsaid: nobody knows then);
- *                              unheard: no autopilot since power-on
+ *                              unheard: no autopilot since power-on;
+ *                              awaited: likewise, and this board has had one
  *   armed-once yes             since power-on: yes or no
  *   fix yes                    the autopilot has a GNSS fix: yes or no
  *   vertical-inverted no       it sends its vertical speed upside down: yes or no
@@ -36,7 +37,7 @@ struct kept_takeoff {
     double altitude_msl_m, altitude_geodetic_m; /* each NAN when unknown */
 };
 
-enum kept_armed { KEPT_UNHEARD, KEPT_DISARMED, KEPT_ARMED, KEPT_SILENT, KEPT_UNSAID };
+enum kept_armed { KEPT_UNHEARD, KEPT_DISARMED, KEPT_ARMED, KEPT_SILENT, KEPT_UNSAID, KEPT_AWAITED };
 
 struct kept {
     uint8_t vehicle; /* MAVLink system id, 1..255; 0: none was known */
@@ -48,6 +49,12 @@ struct kept {
     bool told_lost[CHANNELS];    /* and not yet that they are back */
     struct kept_takeoff takeoff; /* known = false: on the ground, or it wasn't known */
 };
+
+/* Nobody was heard since power-on. */
+static inline bool kept_is_unheard(const struct kept *kept)
+{
+    return kept->armed == KEPT_UNHEARD || kept->armed == KEPT_AWAITED;
+}
 
 /*
  * Reads it; what is missing or makes no sense is unknown, and a file that says

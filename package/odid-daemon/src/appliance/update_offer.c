@@ -86,7 +86,7 @@ bool update_offer_judge(const struct update_offer *offer, char *why, unsigned lo
     }
     if (offer->armed == ARMED_SILENT && alone) {
         return refuse(why, size,
-                      "The autopilot has fallen silent, and nobody is there to say that it doesn't "
+                      "The autopilot is silent, and nobody is there to say that it doesn't "
                       "fly; the page or odidctl installs it.");
     }
     if (alone && !offer->remembers) {

@@ -124,22 +124,33 @@ static bool took_off_just_before(const struct aircraft *aircraft, int64_t now_us
            now_us - aircraft->armed_ended_us < SAME_FLIGHT_US;
 }
 
-/* What it is doesn't change in flight: where two take turns, the first word stands as long as it is
- * said. */
+/* Where two take turns, the first word stands as long as it is said. */
 static void take_kind(struct aircraft *aircraft, const struct telemetry_update *update,
                       int64_t now_us)
 {
     bool simulated = update->heartbeat.base_mode & MAV_MODE_FLAG_HIL_ENABLED;
-    bool same = aircraft->mav_type == update->heartbeat.mav_type &&
+    bool same = aircraft->said_mav_type == update->heartbeat.mav_type &&
                 aircraft->autopilot == update->heartbeat.autopilot &&
                 aircraft->simulated == simulated;
 
     if (same || !aircraft_fresh(aircraft->kind_us, now_us)) {
-        aircraft->mav_type = update->heartbeat.mav_type;
+        aircraft->said_mav_type = update->heartbeat.mav_type;
         aircraft->autopilot = update->heartbeat.autopilot;
         aircraft->simulated = simulated;
         aircraft->kind_us = now_us;
     }
+}
+
+/* What it is doesn't change in flight, whatever a parameter has it say: what it said on the ground
+ * stands. A type that doesn't fly is none. */
+static void take_type(struct aircraft *aircraft)
+{
+    if (aircraft_ua_type(aircraft->said_mav_type) < 0 ||
+        (aircraft->armed && aircraft->type_on_ground)) {
+        return;
+    }
+    aircraft->mav_type = aircraft->said_mav_type;
+    aircraft->type_on_ground = !aircraft->armed;
 }
 
 static void take_heartbeat(struct aircraft *aircraft, const struct telemetry_update *update,
@@ -170,6 +181,7 @@ static void take_heartbeat(struct aircraft *aircraft, const struct telemetry_upd
     aircraft->armed = armed;
     aircraft->heartbeat_us = now_us;
     take_kind(aircraft, update, now_us);
+    take_type(aircraft);
     /* The text counts with what a crash brings: some only say it, and fly on. */
     if (says_armed && aircraft->crashed_us != INT64_MIN &&
         now_us - aircraft->crashed_us > CRASH_DISARMS_US) {

@@ -126,9 +126,11 @@ struct aircraft {
     struct autopilot_clock clock;
 
     int64_t heartbeat_us; /* INT64_MIN: never; likewise below */
-    uint8_t mav_type, autopilot, system_status, said_status;
+    uint8_t said_mav_type, autopilot, system_status, said_status;
     bool simulated;      /* it says that it flies in a simulation */
     int64_t kind_us;     /* when that type, autopilot and that was said last */
+    uint8_t mav_type;    /* what it is: that type, but what a HEARTBEAT says in flight */
+    bool type_on_ground; /* it was said there */
     bool doubtful;       /* two sources speak as the autopilot */
     int64_t doubtful_us; /* since when */
     struct arming arming;

@@ -300,6 +300,7 @@ void aircraft_condition(const struct aircraft *aircraft, int64_t now_us,
     condition->takeoff_is_home = aircraft->takeoff_is_home;
     condition->takeoff_is_late = aircraft->takeoff_is_late;
     condition->mav_type = aircraft->mav_type;
+    condition->said_mav_type = aircraft->said_mav_type;
     condition->autopilot = aircraft->autopilot;
     condition->autopilot_restarts = aircraft->clock.restarts;
     condition->position_rate_hz = aircraft_rate_hz(

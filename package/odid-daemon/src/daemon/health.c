@@ -552,7 +552,7 @@ static void judge_types(struct health *health, const struct health_input *input)
     for (unsigned i = 0; i < view->basic_ids; i++) {
         const struct aircraft_basic_id *id = &view->basic_id[i];
 
-        fit = fit && types_fit(id->ua_type, aircraft_ua_type(input->condition->mav_type));
+        fit = fit && types_fit(id->ua_type, aircraft_ua_type(input->condition->said_mav_type));
         if (id->id_type == ODID_IDTYPE_CAA_REGISTRATION_ID &&
             identifiers_check_serial(id->uas_id, problem)) {
             WARNING("serial-of-another-type",

@@ -187,20 +187,22 @@ static void write_kept(void)
 }
 
 /* An old "disarmed", also one that a daemon before this one heard, is no word of one that speaks on
- * without it: it may fly. One that is silent may be switched off, or was never there. */
+ * without it: it may fly. One that is silent may be switched off, or was never there; but one that
+ * was there at an earlier power-on may have been told to be. */
 static enum kept_armed word_of(const struct aircraft_condition *condition, int64_t now_us)
 {
     bool heard = telemetry_heartbeat_us(self.telemetry) != INT64_MIN;
-    bool unheard = !heard && self.kept.armed == KEPT_UNHEARD;
+    bool unheard = !heard && kept_is_unheard(&self.kept);
     /* One that a daemon before this one heard had its time to say a HEARTBEAT. */
     bool missing = telemetry_heartbeat_missing(self.telemetry, now_us) ||
                    (!heard && !unheard && telemetry_autopilot_speaks(self.telemetry, now_us));
 
-    return condition->armed             ? KEPT_ARMED
-           : condition->heartbeat_fresh ? KEPT_DISARMED
-           : missing                    ? KEPT_UNSAID
-           : unheard                    ? KEPT_UNHEARD
-                                        : KEPT_SILENT;
+    return condition->armed                     ? KEPT_ARMED
+           : condition->heartbeat_fresh         ? KEPT_DISARMED
+           : missing                            ? KEPT_UNSAID
+           : !unheard                           ? KEPT_SILENT
+           : self.options.expected_vehicle != 0 ? KEPT_AWAITED
+                                                : KEPT_UNHEARD;
 }
 
 /* The take-off point for a restart in flight only: that of a flight that ended must not pass for

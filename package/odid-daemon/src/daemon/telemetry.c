@@ -278,23 +278,41 @@ static void rename_vehicle(struct telemetry *telemetry, uint8_t system_id)
     belief_new_link(&telemetry->belief);
 }
 
+static void hear_autopilot(struct telemetry *telemetry, int64_t now_us)
+{
+    telemetry->autopilots_us = now_us;
+    telemetry->first_us = telemetry->first_us == INT64_MIN ? now_us : telemetry->first_us;
+}
+
+/* A HEARTBEAT that isn't the vehicle's. */
+static void hear_other(struct telemetry *telemetry, const mavlink_message_t *message,
+                       const mavlink_heartbeat_t *heartbeat, bool is_vehicles, int64_t now_us)
+{
+    /* It is there, and says nothing that counts: a parameter can give it another component. */
+    if (is_vehicles) {
+        hear_autopilot(telemetry, now_us);
+    } else if (heartbeat->type == MAV_TYPE_GCS) {
+        vehicle_heard_ground_station(&telemetry->vehicle, message->sysid);
+    }
+    telemetry->counters.not_needed++;
+}
+
 static void take_heartbeat(struct telemetry *telemetry, const mavlink_message_t *message,
                            int64_t now_us)
 {
     struct telemetry_update update = {.kind = TELEMETRY_HEARTBEAT};
     mavlink_heartbeat_t heartbeat;
-    bool is_autopilot, armed, known = telemetry->vehicle.system != 0;
+    bool is_vehicles, armed, known = telemetry->vehicle.system != 0;
 
     mavlink_msg_heartbeat_decode(message, &heartbeat);
-    if (heartbeat.type == MAV_TYPE_GCS) {
-        vehicle_heard_ground_station(&telemetry->vehicle, message->sysid);
-    }
-    /* An antenna tracker has an autopilot, too, and is no vehicle. */
-    is_autopilot = message->compid == MAV_COMP_ID_AUTOPILOT1 && message->sysid != 0 &&
-                   heartbeat.autopilot != MAV_AUTOPILOT_INVALID &&
-                   aircraft_ua_type(heartbeat.type) >= 0;
-    if (!is_autopilot) {
-        telemetry->counters.not_needed++;
+    is_vehicles = known && message->sysid == telemetry->vehicle.system &&
+                  heartbeat.autopilot != MAV_AUTOPILOT_INVALID;
+    /* An antenna tracker has an autopilot, too, and is no vehicle. But the vehicle stays what it
+     * is, whatever a parameter has it call itself. */
+    if (message->compid != MAV_COMP_ID_AUTOPILOT1 || message->sysid == 0 ||
+        heartbeat.autopilot == MAV_AUTOPILOT_INVALID ||
+        (aircraft_ua_type(heartbeat.type) < 0 && !is_vehicles)) {
+        hear_other(telemetry, message, &heartbeat, is_vehicles, now_us);
         return;
     }
     armed = heartbeat.base_mode & MAV_MODE_FLAG_SAFETY_ARMED;
@@ -335,8 +353,7 @@ static void take_frame(struct telemetry *telemetry, unsigned stream,
     struct telemetry_update update;
 
     if (message->compid == MAV_COMP_ID_AUTOPILOT1) {
-        telemetry->autopilots_us = now_us;
-        telemetry->first_us = telemetry->first_us == INT64_MIN ? now_us : telemetry->first_us;
+        hear_autopilot(telemetry, now_us);
     } else {
         telemetry->others_us = now_us;
     }

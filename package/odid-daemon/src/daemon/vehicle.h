@@ -35,8 +35,8 @@ void vehicle_init(struct vehicle *vehicle);
 void vehicle_expect(struct vehicle *vehicle, uint8_t system, bool armed, int64_t now_us);
 
 /*
- * A HEARTBEAT of a system's autopilot (component 1, of a type that flies): is it the
- * vehicle's? VEHICLE_NEW: from now on, and another one's, or nobody's, before.
+ * A HEARTBEAT of a system's autopilot (component 1, of a type that flies; the vehicle's, of any):
+ * is it the vehicle's? VEHICLE_NEW: from now on, and another one's, or nobody's, before.
  */
 enum vehicle_is vehicle_heartbeat(struct vehicle *vehicle, uint8_t system, bool armed,
                                   int64_t now_us);

@@ -52,11 +52,9 @@ int odidctl_tell_armed(const struct places *places)
                                         [ARMED_UNSAID] = "unknown",
                                         [ARMED_SILENT] = "disarmed",
                                         [ARMED_NO] = "disarmed"};
-    static const char *const by[] = {[KEPT_UNHEARD] = "unheard",
-                                     [KEPT_DISARMED] = "said",
-                                     [KEPT_ARMED] = "said",
-                                     [KEPT_SILENT] = "silent",
-                                     [KEPT_UNSAID] = "unsaid"};
+    static const char *const by[] = {
+        [KEPT_UNHEARD] = "unheard", [KEPT_DISARMED] = "said", [KEPT_ARMED] = "said",
+        [KEPT_SILENT] = "silent",   [KEPT_UNSAID] = "unsaid", [KEPT_AWAITED] = "awaited"};
     struct kept kept;
     enum armed armed = armed_look(places->run_dir, &kept);
 

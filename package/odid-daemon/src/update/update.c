@@ -57,7 +57,8 @@ void update_init(struct update *update, int64_t now_us)
 /* For the restart. */
 static bool may_fly(const struct kept *kept, bool answered, bool unattended)
 {
-    return !answered || kept->armed == KEPT_UNSAID || (kept->armed == KEPT_SILENT && unattended);
+    return !answered || kept->armed == KEPT_UNSAID ||
+           ((kept->armed == KEPT_SILENT || kept->armed == KEPT_AWAITED) && unattended);
 }
 
 bool update_armed(const struct update *update, const struct kept *kept, bool answered,
@@ -66,8 +67,7 @@ bool update_armed(const struct update *update, const struct kept *kept, bool ans
     if (kept != NULL && kept->armed == KEPT_ARMED) {
         return true;
     }
-    if (update->state == UPDATE_TRIAL ||
-        (given_up && (kept == NULL || kept->armed == KEPT_UNHEARD))) {
+    if (update->state == UPDATE_TRIAL || (given_up && (kept == NULL || kept_is_unheard(kept)))) {
         return false;
     }
     return kept == NULL || (update->state == UPDATE_WAITING && may_fly(kept, answered, unattended));

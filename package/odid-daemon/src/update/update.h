@@ -77,9 +77,9 @@ void update_init(struct update *update, int64_t now_us);
  * Does the aircraft count as armed? kept: what the daemon keeps (kept.h), NULL when it hasn't run
  * since power-on; answered: it does now; unattended: a server's or a stick's update; given_up: its
  * trial has failed. Who never answers is never disarmed, and the board isn't restarted on an old
- * word, nor while the vehicle speaks and doesn't say it; unattended, nor after it fell silent. But
- * a trial is judged without a word, for its daemon may be what fails; and given up, it is restarted
- * where no vehicle was heard since power-on.
+ * word, nor while the vehicle speaks and doesn't say it; unattended, nor while it is silent, if
+ * there ever was one. But a trial is judged without a word, for its daemon may be what fails; and
+ * given up, it is restarted where no vehicle was heard since power-on.
  */
 bool update_armed(const struct update *update, const struct kept *kept, bool answered,
                   bool unattended, bool given_up);

@@ -132,6 +132,24 @@ static void nothing_begins_by_itself_after_the_autopilot_fell_silent(void **stat
     assert_refused("silent");
 }
 
+/* A parameter had made it silent before, over a power-off, and in the air a server's update began.
+ */
+static void nor_while_one_is_silent_that_was_there_at_an_earlier_power_on(void **state)
+{
+    struct json_object *status = json_object_new_object();
+    const struct kept awaited = {.armed = KEPT_AWAITED}, never = {.armed = KEPT_UNHEARD};
+
+    (void)state;
+    offer.versions.from_server = true;
+    offer.armed = armed_by(status, &never);
+    assert_taken();
+    offer.armed = armed_by(status, &awaited);
+    assert_refused("is silent");
+    offer.versions.from_server = false;
+    assert_taken();
+    json_object_put(status);
+}
+
 static void one_update_at_a_time(void **state)
 {
     (void)state;
@@ -164,6 +182,8 @@ int main(void)
                                begin),
         cmocka_unit_test_setup(only_a_daemon_that_answers_says_disarmed, begin),
         cmocka_unit_test_setup(nothing_begins_by_itself_after_the_autopilot_fell_silent, begin),
+        cmocka_unit_test_setup(nor_while_one_is_silent_that_was_there_at_an_earlier_power_on,
+                               begin),
         cmocka_unit_test_setup(one_update_at_a_time, begin),
         cmocka_unit_test_setup(it_has_to_fit, begin),
     };

@@ -320,6 +320,44 @@ static void who_forges_heartbeats_does_not_change_what_it_is(void **state)
     }
 }
 
+/* One parameter made a balloon of it, and nobody was told; or a tracker, which is no vehicle. */
+static void what_it_is_does_not_change_in_flight(void **state)
+{
+    static const uint8_t types[] = {MAV_TYPE_FREE_BALLOON, MAV_TYPE_ANTENNA_TRACKER, MAV_TYPE_GCS};
+
+    (void)state;
+    configure(0, 1, CONFIG_UA_TYPE_AUTO, "SSRS5GBG01");
+    sim.mav_type = MAV_TYPE_HEXAROTOR;
+    fly(5);
+    arm(true);
+    fly(10);
+    for (size_t i = 0; i < sizeof(types); i++) {
+        sim.mav_type = types[i];
+        fly(10);
+        assert_int_equal(view.basic_id[0].ua_type, 2);
+        assert_int_equal(condition.said_mav_type, types[i]);
+        assert_true(condition.heartbeat_fresh);
+    }
+    arm(false);
+    sim.mav_type = MAV_TYPE_FREE_BALLOON;
+    fly(10);
+    assert_int_equal(view.basic_id[0].ua_type, 8);
+}
+
+/* Of a daemon that was started in the air: as ever. */
+static void a_type_that_was_said_in_flight_alone_may_be_put_right(void **state)
+{
+    (void)state;
+    configure(0, 1, CONFIG_UA_TYPE_AUTO, "SSRS5GBG01");
+    arm(true);
+    sim.mav_type = MAV_TYPE_FREE_BALLOON;
+    fly(5);
+    assert_int_equal(view.basic_id[0].ua_type, 8);
+    sim.mav_type = MAV_TYPE_HEXAROTOR;
+    fly(5);
+    assert_int_equal(view.basic_id[0].ua_type, 2);
+}
+
 static void ua_type_auto_takes_the_native_one_without_a_heartbeat(void **state)
 {
     (void)state;
@@ -710,6 +748,8 @@ int main(void)
         cmocka_unit_test_setup(a_shorter_id_leaves_nothing_of_a_longer_one, begin_setup),
         cmocka_unit_test_setup(ua_type_auto_follows_the_heartbeat, begin_setup),
         cmocka_unit_test_setup(who_forges_heartbeats_does_not_change_what_it_is, begin_setup),
+        cmocka_unit_test_setup(what_it_is_does_not_change_in_flight, begin_setup),
+        cmocka_unit_test_setup(a_type_that_was_said_in_flight_alone_may_be_put_right, begin_setup),
         cmocka_unit_test_setup(ua_type_auto_takes_the_native_one_without_a_heartbeat, begin_setup),
         cmocka_unit_test_setup(a_native_ua_type_of_none_is_the_heartbeats, begin_setup),
         cmocka_unit_test_setup(a_configured_ua_type_stays, begin_setup),

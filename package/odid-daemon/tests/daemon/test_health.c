@@ -143,7 +143,7 @@ static void types_that_are_not_alike(void **state)
     (void)state;
     for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
         fixture.view.basic_id[0].ua_type = cases[i].said;
-        fixture.condition.mav_type = cases[i].mav_type;
+        fixture.condition.said_mav_type = cases[i].mav_type;
         if (cases[i].conflict) {
             expect_one(HEALTH_WARNING, "HEARTBEAT has another UA type");
         } else {

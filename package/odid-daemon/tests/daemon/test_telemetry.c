@@ -340,6 +340,49 @@ static void a_component_type_makes_no_vehicle(void **state)
     }
 }
 
+/* By a parameter: its HEARTBEATs were gone for good. */
+static void whatever_the_vehicle_calls_itself_its_heartbeat_counts(void **state)
+{
+    static const uint8_t types[] = {MAV_TYPE_GCS, MAV_TYPE_ANTENNA_TRACKER};
+
+    (void)state;
+    for (unsigned expected = 0; expected < 2; expected++) {
+        begin();
+        if (expected) {
+            telemetry_expect(telemetry, VEHICLE, false, now_us);
+        } else {
+            assert_int_equal(feed(autopilot_heartbeat(VEHICLE)), 1);
+        }
+        for (size_t i = 0; i < sizeof(types); i++) {
+            const mavlink_heartbeat_t heartbeat = {.type = types[i],
+                                                   .autopilot = MAV_AUTOPILOT_ARDUPILOTMEGA};
+
+            assert_int_equal(feed(frame_heartbeat(VEHICLE, AUTOPILOT, &heartbeat)), 1);
+            assert_int_equal(telemetry_vehicle(telemetry), VEHICLE);
+            assert_true(telemetry_heartbeat_us(telemetry) == now_us);
+        }
+    }
+}
+
+/* It counted as one that isn't there. */
+static void the_vehicle_under_another_component_is_there_and_says_nothing(void **state)
+{
+    const mavlink_heartbeat_t heartbeat = {.type = MAV_TYPE_QUADROTOR,
+                                           .autopilot = MAV_AUTOPILOT_PX4};
+
+    (void)state;
+    for (unsigned system = VEHICLE; system <= VEHICLE + 1; system++) {
+        begin();
+        telemetry_expect(telemetry, VEHICLE, false, now_us);
+        for (unsigned second = 0; second < 5; second++) {
+            assert_int_equal(feed(frame_heartbeat((uint8_t)system, 2, &heartbeat)), 0);
+            now_us += 1000000;
+        }
+        assert_true(telemetry_heartbeat_us(telemetry) == INT64_MIN);
+        assert_true(telemetry_heartbeat_missing(telemetry, now_us) == (system == VEHICLE));
+    }
+}
+
 static void the_vehicles_other_components_say_nothing_of_its_state(void **state)
 {
     const mavlink_heartbeat_t gimbal = {.type = MAV_TYPE_GIMBAL,
@@ -758,6 +801,9 @@ int main(void)
         cmocka_unit_test_setup(every_system_id_from_1_to_255_can_be_the_vehicle, setup),
         cmocka_unit_test_setup(only_an_autopilot_makes_a_vehicle, setup),
         cmocka_unit_test_setup(a_component_type_makes_no_vehicle, setup),
+        cmocka_unit_test_setup(whatever_the_vehicle_calls_itself_its_heartbeat_counts, setup),
+        cmocka_unit_test_setup(the_vehicle_under_another_component_is_there_and_says_nothing,
+                               setup),
         cmocka_unit_test_setup(the_vehicles_other_components_say_nothing_of_its_state, setup),
         cmocka_unit_test_setup(the_vehicle_of_before_a_restart_counts_before_its_heartbeat, setup),
         cmocka_unit_test_setup(who_is_heard_first_gives_way_to_the_vehicle_of_the_last_power_on,

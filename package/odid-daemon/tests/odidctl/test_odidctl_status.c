@@ -123,6 +123,9 @@ static void armed_is_what_the_daemon_keeps(void **state)
     keep_armed("silent"); /* switched off, on the ground */
     assert_int_equal(CALL("armed"), 1);
     assert_string_equal(said, "disarmed never 7 silent\n");
+    keep_armed("awaited");
+    assert_int_equal(CALL("armed"), 1);
+    assert_string_equal(said, "disarmed never 7 awaited\n");
     keep_armed("unsaid");
     assert_int_equal(CALL("armed"), 0);
     assert_string_equal(said, "unknown never 7 unsaid\n");

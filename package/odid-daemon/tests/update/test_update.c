@@ -179,7 +179,7 @@ static void who_does_not_answer_is_not_disarmed(void **state)
 {
     const struct kept yes = {.armed = KEPT_ARMED}, no = {.armed = KEPT_DISARMED},
                       unheard = {.armed = KEPT_UNHEARD}, silent = {.armed = KEPT_SILENT},
-                      unsaid = {.armed = KEPT_UNSAID};
+                      awaited = {.armed = KEPT_AWAITED}, unsaid = {.armed = KEPT_UNSAID};
 
     (void)state;
     written();
@@ -198,11 +198,14 @@ static void who_does_not_answer_is_not_disarmed(void **state)
     assert_true(update_armed(&update, &unsaid, true, false, false));
     assert_false(update_armed(&update, &silent, true, false, false));
     assert_true(update_armed(&update, &silent, true, true, false)); /* nobody looks at it */
+    assert_false(update_armed(&update, &awaited, true, false, false));
+    assert_true(update_armed(&update, &awaited, true, true, false));
 }
 
 static void a_slot_whose_daemon_never_answers_is_given_up(void **state)
 {
-    const struct kept yes = {.armed = KEPT_ARMED}, unheard = {.armed = KEPT_UNHEARD};
+    const struct kept yes = {.armed = KEPT_ARMED}, unheard = {.armed = KEPT_UNHEARD},
+                      awaited = {.armed = KEPT_AWAITED};
 
     (void)state;
     for (int unattended = 0; unattended < 2; unattended++) {
@@ -213,6 +216,7 @@ static void a_slot_whose_daemon_never_answers_is_given_up(void **state)
         update_rolled_back(&update, now_us); /* waits for the restart now */
         assert_false(update_armed(&update, NULL, false, unattended, true));
         assert_false(update_armed(&update, &unheard, false, unattended, true));
+        assert_false(update_armed(&update, &awaited, false, unattended, true));
         assert_true(update_armed(&update, &yes, false, unattended, true));
     }
 }
