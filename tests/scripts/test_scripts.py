@@ -510,6 +510,17 @@ def test_the_ground_station_is_heard_by_its_own_way_only(appliance, address, dro
     assert 'insert rule inet odid input ip daddr 192.168.41.0/24 iif != "lo" iifname != "wlan0" counter drop' in rules
 
 
+@pytest.mark.parametrize("before, asks", [("", True), ("7", True), ("9", False)])
+def test_a_lease_that_came_before_the_filter_knew_the_way_is_asked_for_again(appliance, before, asks):
+    """It was a stranger's, until it was given for longer: nothing went to the ground station."""
+    appliance.settings(ground_station__address="10.0.0.9")
+    appliance.write("sys/class/net/eth0/ifindex", "9\n")
+    appliance.write("run/odid-appliance/firewall", f"{before}\n")
+    appliance.write("run/faults/dhcp-eth0", "The adapter at eth0 is another one than the ground station's.\n")
+    loaded(appliance)
+    assert ("sv term udhcpc" in appliance.calls()) == asks and appliance.read("run/odid-appliance/firewall") == "9\n"
+
+
 @pytest.mark.parametrize("before, said", [(False, "SSH and maintenance stay closed"), (True, "stays as it was")])
 def test_a_filter_that_can_not_be_loaded_says_what_is_open(appliance, before, said):
     """Loaded anew in vain, it goes on as it was; and it was said that SSH and maintenance are closed."""
@@ -1289,6 +1300,7 @@ def test_in_the_air_no_adapter_is_switched_on_but_the_ground_station_s(appliance
     appliance.must(f"mkdir -p /proc-sys/net/ipv4/conf/{interface} /run/service/udhcpc-{interface} && "
                    f"cp /etc/sv/udhcpc/run /run/service/udhcpc-{interface}/ && cd /run/service/udhcpc-{interface} && ./run")
     assert appliance.calls() == (["waits"] if waits else [f"ip link set {interface} up", "udhcpc"])
+    assert ("is switched on when" in (appliance.fault(f"dhcp-{interface}") or "")) == waits
 
 
 def test_a_network_that_overlapped_is_asked_for_again_when_the_other_has_gone(appliance):
@@ -2489,6 +2501,7 @@ def test_a_stranger_with_the_keeper_s_number_feeds_no_watchdog(appliance, same):
     ("unknown never 1 unsaid", "trial", False),
     ("unknown never 0 unsaid", "trial", False),  # all but HEARTBEATs comes of it
     ("unknown never 0 unheard", "trial", True),  # its daemon never came up, or heard nobody
+    ("unknown never 0 awaited", "trial", True),
     ("unknown never 0 unheard", None, True),  # and its odid-update neither
     ("", "trial", False),
 ])

@@ -34,6 +34,7 @@ static struct {
     bool boot, dry_run;
     int64_t build_us;
     int64_t save_us;               /* CLOCK_MONOTONIC: when the time is to be saved next */
+    bool was_set;                  /* to the autopilot's time */
     bool is_new;                   /* the clock was set far ahead, and that has not stood yet */
     int64_t known_us, known_at_us; /* the time at the start, or that has stood since; when */
     /* said already, and not to be said again as long as it is so */
@@ -131,9 +132,20 @@ static int set_at_boot(void)
 
 /* ---- as a service ---- */
 
+/* Before anybody has told the time the later one stands: /data may have come after the start. */
+static bool is_older(void)
+{
+    int64_t saved_us;
+
+    return !self.was_set && clock_file_read(self.places.clock, &saved_us) == 0 &&
+           saved_us > time_us(CLOCK_REALTIME);
+}
+
 static void save(void)
 {
-    int result = self.dry_run ? 0 : clock_file_save(self.places.clock, time_us(CLOCK_REALTIME));
+    int result = self.dry_run || is_older()
+                     ? 0
+                     : clock_file_save(self.places.clock, time_us(CLOCK_REALTIME));
 
     if (result < 0 && result != self.save_error) {
         log_warning("can't save the time to %s: %s", self.places.clock, strerror(-result));
@@ -162,6 +174,7 @@ static void set_to_autopilots(int64_t autopilot_us)
     if (set_clock(autopilot_us, "the autopilot's time") < 0) {
         return;
     }
+    self.was_set = true;
     if (autopilot_us - expected_us > FAR_US) {
         self.is_new = true;
         self.save_us = time_us(CLOCK_MONOTONIC) + SAVE_EVERY_US;

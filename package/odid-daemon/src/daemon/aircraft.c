@@ -150,6 +150,7 @@ static void take_type(struct aircraft *aircraft)
         return;
     }
     aircraft->mav_type = aircraft->said_mav_type;
+    aircraft->type_known = true;
     aircraft->type_on_ground = !aircraft->armed;
 }
 

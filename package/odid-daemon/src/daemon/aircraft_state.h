@@ -130,7 +130,8 @@ struct aircraft {
     bool simulated;      /* it says that it flies in a simulation */
     int64_t kind_us;     /* when that type, autopilot and that was said last */
     uint8_t mav_type;    /* what it is: that type, but what a HEARTBEAT says in flight */
-    bool type_on_ground; /* it was said there */
+    bool type_known;     /* it was said at all, ... */
+    bool type_on_ground; /* ... and on the ground */
     bool doubtful;       /* two sources speak as the autopilot */
     int64_t doubtful_us; /* since when */
     struct arming arming;

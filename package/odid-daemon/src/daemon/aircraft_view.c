@@ -16,16 +16,11 @@
 /* said: CONFIG_UA_TYPE_AUTO where nobody has. */
 static uint8_t ua_type(const struct aircraft *aircraft, int said)
 {
-    int derived;
-
     if (said != CONFIG_UA_TYPE_AUTO) {
         return (uint8_t)said;
     }
-    if (aircraft->heartbeat_us != INT64_MIN) {
-        derived = aircraft_ua_type(aircraft->mav_type);
-        if (derived >= 0) {
-            return (uint8_t)derived;
-        }
+    if (aircraft->type_known) {
+        return (uint8_t)aircraft_ua_type(aircraft->mav_type);
     }
     for (unsigned i = 0; i < 2; i++) {
         if (aircraft->native_basic_id[i].id_type != ODID_IDTYPE_NONE) {

@@ -271,6 +271,7 @@ static void restore(int64_t now_us)
     bool believed;
 
     if (kept_read(config()->run_dir, &self.kept) == -ENOENT) {
+        self.kept.armed = self.options.expected_vehicle != 0 ? KEPT_AWAITED : KEPT_UNHEARD;
         write_kept();
     }
     vehicle = self.kept.vehicle != 0 ? self.kept.vehicle : self.options.expected_vehicle;

@@ -305,7 +305,7 @@ static void take_heartbeat(struct telemetry *telemetry, const mavlink_message_t 
     bool is_vehicles, armed, known = telemetry->vehicle.system != 0;
 
     mavlink_msg_heartbeat_decode(message, &heartbeat);
-    is_vehicles = known && message->sysid == telemetry->vehicle.system &&
+    is_vehicles = vehicle_is(&telemetry->vehicle, message->sysid) &&
                   heartbeat.autopilot != MAV_AUTOPILOT_INVALID;
     /* An antenna tracker has an autopilot, too, and is no vehicle. But the vehicle stays what it
      * is, whatever a parameter has it call itself. */

@@ -57,6 +57,11 @@ static bool passed_by(const struct vehicle *vehicle, int64_t now_us)
            now_us - vehicle->heartbeat_us > PASSED_BY_US;
 }
 
+bool vehicle_is(const struct vehicle *vehicle, uint8_t system)
+{
+    return system != 0 && (system == vehicle->system || system == vehicle->kept);
+}
+
 /* The one that was there first: it was only expected, or has been silent for longer than any start
  * takes. (In the air nobody takes its place.) */
 static bool is_given_up(const struct vehicle *vehicle, int64_t now_us)

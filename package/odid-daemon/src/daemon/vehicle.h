@@ -41,6 +41,9 @@ void vehicle_expect(struct vehicle *vehicle, uint8_t system, bool armed, int64_t
 enum vehicle_is vehicle_heartbeat(struct vehicle *vehicle, uint8_t system, bool armed,
                                   int64_t now_us);
 
+/* Is that system the vehicle, or the one that was there first and may return? */
+bool vehicle_is(const struct vehicle *vehicle, uint8_t system);
+
 /* Anything else of the vehicle's autopilot: as long as it comes no other system takes its place. */
 void vehicle_speaks(struct vehicle *vehicle, int64_t now_us);
 

@@ -380,8 +380,9 @@ static bool read_record(void)
     if (update_read_record(DATA, &self.record) < 0) {
         return false;
     }
-    if (self.record.slot == self.running ||
-        (!into && strcmp(self.record.from, self.version) == 0)) {
+    /* Unverified is what no record could be kept of. */
+    if (into ? self.record.slot == self.running && self.variables.unverified != self.running
+             : self.record.slot == self.running || strcmp(self.record.from, self.version) == 0) {
         return true;
     }
     log_warning("the record of an update to slot %c, version %s, is an earlier one's: left alone",

@@ -21,6 +21,7 @@ int clock_main(int argc, char *argv[]);
 #define status_ask model_ask
 #define sigtimedwait model_wait
 #define clock_file_save model_save
+#define clock_file_read model_read
 #define main clock_main
 #include "clock/odid_clock_main.c"
 #undef main
@@ -36,6 +37,7 @@ static const struct said {
 } * said;
 
 static int64_t passed_s, clock_s, end_s, saved_s[8];
+static int64_t file_is_ahead_s; /* what is saved already; 0: nothing */
 static unsigned saves;
 
 static int model_gettime(clockid_t which, struct timespec *now)
@@ -87,6 +89,13 @@ int model_save(const char *path, int64_t now_us)
     return 0;
 }
 
+int model_read(const char *path, int64_t *saved_us)
+{
+    (void)path;
+    *saved_us = (NOW + passed_s + file_is_ahead_s) * SECOND_US;
+    return file_is_ahead_s == 0 ? -ENOENT : 0;
+}
+
 /* ---- tests ---- */
 
 /* The times that were saved, as they differ from the clock at the start. */
@@ -103,7 +112,7 @@ int model_save(const char *path, int64_t now_us)
 /* Up to the second of its end. said: its last one from -1 on. */
 static void serve_until(int64_t second, const struct said *autopilot)
 {
-    self.is_new = false;
+    self.was_set = self.is_new = false;
     self.save_us = 0;
     self.build_us = (NOW - 3 * YEAR) * SECOND_US;
     said = autopilot;
@@ -158,6 +167,18 @@ static void nor_is_one_that_is_reached_by_many_steps(void **state)
     EXPECT_SAVED(YEAR / 3);
 }
 
+/* /data was late, and it began with the build's time. */
+static void a_later_one_that_was_saved_before_stands(void **state)
+{
+    (void)state;
+    file_is_ahead_s = YEAR;
+    serve_until(650, (const struct said[]){{-1, 0}});
+    assert_int_equal(saves, 0);
+    serve_until(650, (const struct said[]){{3, 5}, {-1, 0}});
+    EXPECT_SAVED(5, 5, 5);
+    file_is_ahead_s = 0;
+}
+
 static void a_time_that_lies_behind_puts_right_what_was_saved_at_once(void **state)
 {
     (void)state;
@@ -172,6 +193,7 @@ int main(void)
         cmocka_unit_test(a_time_that_lies_some_months_ahead_is_saved_at_once),
         cmocka_unit_test(a_time_that_lies_far_ahead_is_saved_once_it_has_stood),
         cmocka_unit_test(nor_is_one_that_is_reached_by_many_steps),
+        cmocka_unit_test(a_later_one_that_was_saved_before_stands),
         cmocka_unit_test(a_time_that_lies_behind_puts_right_what_was_saved_at_once),
     };
 

@@ -358,6 +358,19 @@ static void a_type_that_was_said_in_flight_alone_may_be_put_right(void **state)
     assert_int_equal(view.basic_id[0].ua_type, 2);
 }
 
+/* "Other" went out. */
+static void a_heartbeat_of_none_that_flies_leaves_the_native_type(void **state)
+{
+    (void)state;
+    configure(0, 1, CONFIG_UA_TYPE_AUTO, "SSRS5GBG01");
+    sim.mav_type = MAV_TYPE_GCS;
+    fly(5);
+    assert_int_equal(view.basic_id[0].ua_type, 0);
+    native_id(2, 4, "SE-123");
+    fly(1);
+    assert_int_equal(view.basic_id[0].ua_type, 4);
+}
+
 static void ua_type_auto_takes_the_native_one_without_a_heartbeat(void **state)
 {
     (void)state;
@@ -750,6 +763,7 @@ int main(void)
         cmocka_unit_test_setup(who_forges_heartbeats_does_not_change_what_it_is, begin_setup),
         cmocka_unit_test_setup(what_it_is_does_not_change_in_flight, begin_setup),
         cmocka_unit_test_setup(a_type_that_was_said_in_flight_alone_may_be_put_right, begin_setup),
+        cmocka_unit_test_setup(a_heartbeat_of_none_that_flies_leaves_the_native_type, begin_setup),
         cmocka_unit_test_setup(ua_type_auto_takes_the_native_one_without_a_heartbeat, begin_setup),
         cmocka_unit_test_setup(a_native_ua_type_of_none_is_the_heartbeats, begin_setup),
         cmocka_unit_test_setup(a_configured_ua_type_stays, begin_setup),

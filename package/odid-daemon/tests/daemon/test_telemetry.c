@@ -364,6 +364,22 @@ static void whatever_the_vehicle_calls_itself_its_heartbeat_counts(void **state)
     }
 }
 
+/* Another one had been heard first: it stayed the vehicle, and the vehicle a ground station. */
+static void the_one_that_is_expected_returns_whatever_it_calls_itself(void **state)
+{
+    const mavlink_heartbeat_t heartbeat = {.type = MAV_TYPE_GCS,
+                                           .autopilot = MAV_AUTOPILOT_ARDUPILOTMEGA};
+
+    (void)state;
+    begin();
+    telemetry_expect(telemetry, VEHICLE, false, now_us);
+    now_us += 4000000;
+    assert_int_equal(feed(disarmed_heartbeat(OTHER_VEHICLE)), 1);
+    assert_int_equal(telemetry_vehicle(telemetry), OTHER_VEHICLE);
+    assert_int_equal(feed(frame_heartbeat(VEHICLE, AUTOPILOT, &heartbeat)), 1);
+    assert_int_equal(telemetry_vehicle(telemetry), VEHICLE);
+}
+
 /* It counted as one that isn't there. */
 static void the_vehicle_under_another_component_is_there_and_says_nothing(void **state)
 {
@@ -802,6 +818,7 @@ int main(void)
         cmocka_unit_test_setup(only_an_autopilot_makes_a_vehicle, setup),
         cmocka_unit_test_setup(a_component_type_makes_no_vehicle, setup),
         cmocka_unit_test_setup(whatever_the_vehicle_calls_itself_its_heartbeat_counts, setup),
+        cmocka_unit_test_setup(the_one_that_is_expected_returns_whatever_it_calls_itself, setup),
         cmocka_unit_test_setup(the_vehicle_under_another_component_is_there_and_says_nothing,
                                setup),
         cmocka_unit_test_setup(the_vehicles_other_components_say_nothing_of_its_state, setup),

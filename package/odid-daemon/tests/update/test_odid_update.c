@@ -1008,6 +1008,18 @@ static void a_record_that_stayed_says_nothing_of_a_later_trial(void **state)
     assert_int_equal(board.variables.slot, 'a');
 }
 
+/* Nor where it went to the same slot: no record of the later one could be kept. */
+static void nor_does_one_of_the_same_slot(void **state)
+{
+    (void)state;
+    slot_b_is_on_trial();
+    put(VERSION_FILE, "1.3.0\n");
+    board.variables = (struct update_variables){
+        .slot = 'a', .trial = 'b', .upgrade_available = true, .unverified = 'b'};
+    begin(true);
+    it_is_kept(true);
+}
+
 /* The slot to fall back to was overwritten. */
 static void a_record_that_stayed_takes_no_other_slot_away(void **state)
 {
@@ -1084,6 +1096,7 @@ int main(void)
         cmocka_unit_test_setup(what_power_broke_off_is_taken_away, setup),
         cmocka_unit_test_setup(a_committed_slot_whose_record_stayed_is_not_taken_away, setup),
         cmocka_unit_test_setup(a_record_that_stayed_says_nothing_of_a_later_trial, setup),
+        cmocka_unit_test_setup(nor_does_one_of_the_same_slot, setup),
         cmocka_unit_test_setup(a_record_that_stayed_takes_no_other_slot_away, setup),
         cmocka_unit_test_setup(what_was_written_to_its_end_is_not_taken_away, setup),
         cmocka_unit_test_setup(what_was_called_off_before_the_gate_is_not_written, setup),
