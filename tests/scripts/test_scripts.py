@@ -1282,11 +1282,14 @@ def test_what_is_asked_and_answered_by_a_cable_is_no_line_in_the_log_each_time(a
     assert "odid: eth0 has the address 10.20.0.3/24" in said and "udhcpc" not in said
 
 
-@pytest.mark.parametrize("interface, armed, waits", [
-    ("usb1", "armed once 1 said", True), ("usb1", "disarmed once 1 said", False), ("usb0", "armed once 1 said", False),
-    ("usb1", "disarmed never 0 unheard", False), ("usb1", "disarmed once 1 silent", True), ("usb1", "disarmed never 0 awaited", True)])
-def test_in_the_air_no_adapter_is_switched_on_but_the_ground_station_s(appliance, interface, armed, waits):
+@pytest.mark.parametrize("interface, armed, uptime_s, waits", [
+    ("usb1", "armed once 1 said", 90, True), ("usb1", "disarmed once 1 said", 90, False), ("usb0", "armed once 1 said", 90, False),
+    ("usb1", "disarmed never 0 unheard", 90, False), ("usb1", "disarmed once 1 silent", 90, True), ("usb1", "disarmed never 0 awaited", 90, True),
+    ("usb1", "disarmed never 0 awaited", 30, False),  # the only way in, and the autopilot is dead
+    ("usb1", "armed never 1 said", 30, True), ("usb1", "unknown never 0 unheard", 30, True)])
+def test_in_the_air_no_adapter_is_switched_on_but_the_ground_station_s(appliance, interface, armed, uptime_s, waits):
     """One that answers nothing holds the kernel's network lock for minutes, and hostapd's beacons wait for that."""
+    appliance.change("lib/odid/functions", ("read -r uptime _ </proc/uptime", f"uptime={uptime_s}.5"))
     appliance.settings(ground_station__interface="usb0")
     appliance.write("armed", armed + "\n")
     appliance.write("run/odid-appliance/firewall", "9\n")
@@ -1308,6 +1311,7 @@ def test_a_network_that_overlapped_is_asked_for_again_when_the_other_has_gone(ap
         appliance.write(f"run/faults/dhcp-{name}", "It overlaps.\n")
     appliance.must("mkdir -p /run/service/udhcpc-usb0 && ACTION=remove MDEV=usb0 /lib/odid/device-network")
     assert appliance.calls() == ["sv down udhcpc-usb0", "sv term udhcpc", "sv term udhcpc-wwan0"]
+    assert appliance.fault("dhcp-usb0") is None  # one that waited could not take it back any more
 
 
 RIGHT = "1.2", "12d1", "14dc"

@@ -98,7 +98,7 @@ static int keep_this_slot(const struct update_question *question, bool remembers
             variables.slot == question->running ? UPDATE_REPORT_AS_IT_IS : UPDATE_REPORT_NOTHING;
 
         variables.slot = question->running;
-        variables.unverified = question->other;
+        variables.unverified = remembers ? '\0' : question->other;
         result = update_variables_write(ENVIRONMENT_CONFIG, &variables, report);
     }
     return result;

@@ -173,6 +173,13 @@ static void where_data_keeps_no_record_the_slot_is_marked_before_it_can_be_writt
     assert_int_equal(stored.slot, 'a');
     assert_int_equal(report_of_it, UPDATE_REPORT_NOTHING);
     stored.unverified = '\0';
+    unlink(FAULTS "/data");
+    stored = (struct update_variables){.slot = 'b'};
+    expect_answer("");
+    assert_int_equal(stored.slot, 'a');
+    assert_int_equal(stored.unverified,
+                     '\0'); /* or its trial would take the record for an earlier one's */
+    PUT(FAULTS "/data", "/data is full.\n");
     offer("1.0.0");
     PUT(CONFIGURATION, "[update]\nprevent_downgrade = yes\n");
     expect_answer("prevent_downgrade = yes");
