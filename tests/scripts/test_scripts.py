@@ -1123,6 +1123,13 @@ def test_in_flight_nobody_looks_again(appliance):
     assert appliance.exists("run/odid-appliance/maintenance-asked"), "it looked for somebody else's file"
 
 
+def test_the_vehicle_is_on_the_disk_before_it_has_its_name(appliance):
+    """At a board's first flight a power cut left an empty file: at the next power-on it had never had an autopilot."""
+    appliance.write("usr/bin/fsync", NOTES)
+    appliance.must("/lib/odid/vehicle 7 armed")
+    assert appliance.calls() == ["fsync /data/odid/.vehicle"] and appliance.read("data/odid/vehicle") == "7\n"
+
+
 def test_another_vehicle_than_1_is_told_to_mavlink_router_but_not_in_flight(appliance):
     begun = "echo /dev/ttyACM0 >/run/mavlink-router.port; /lib/odid/mavlink-router-config /dev/ttyACM0 >/run/mavlink-router.conf"
     appliance.must("/lib/odid/vehicle 0 disarmed; /lib/odid/vehicle '' unknown")
@@ -1303,15 +1310,16 @@ def test_in_the_air_no_adapter_is_switched_on_but_the_ground_station_s(appliance
     appliance.must(f"mkdir -p /proc-sys/net/ipv4/conf/{interface} /run/service/udhcpc-{interface} && "
                    f"cp /etc/sv/udhcpc/run /run/service/udhcpc-{interface}/ && cd /run/service/udhcpc-{interface} && ./run")
     assert appliance.calls() == (["waits"] if waits else [f"ip link set {interface} up", "udhcpc"])
-    assert ("is switched on when" in (appliance.fault(f"dhcp-{interface}") or "")) == waits
+    assert ("is switched on when" in (appliance.fault(f"adapter-{interface}") or "")) == waits
 
 
 def test_a_network_that_overlapped_is_asked_for_again_when_the_other_has_gone(appliance):
     for name in ("eth0", "wwan0", "usb0"):
         appliance.write(f"run/faults/dhcp-{name}", "It overlaps.\n")
+    appliance.write("run/faults/adapter-usb0", "It waits.\n")
     appliance.must("mkdir -p /run/service/udhcpc-usb0 && ACTION=remove MDEV=usb0 /lib/odid/device-network")
     assert appliance.calls() == ["sv down udhcpc-usb0", "sv term udhcpc", "sv term udhcpc-wwan0"]
-    assert appliance.fault("dhcp-usb0") is None  # one that waited could not take it back any more
+    assert appliance.fault("adapter-usb0") is None  # one that waited could not take it back any more
 
 
 RIGHT = "1.2", "12d1", "14dc"
