@@ -88,17 +88,19 @@ static void fill_offer(struct update_offer *offer, const struct update_bundle *b
  * stands here that one was begun: what power breaks off is taken away at the next start. */
 static int keep_this_slot(const struct update_question *question, bool remembers)
 {
+    char unverified = remembers ? '\0' : question->other;
     struct update_variables variables;
     bool damaged;
     int result =
         update_variables_read(ENVIRONMENT_CONFIG, NULL, question->running, &variables, &damaged);
 
-    if (result == 0 && (variables.slot != question->running || !remembers)) {
+    if (result == 0 &&
+        (variables.slot != question->running || variables.unverified != unverified)) {
         enum update_report report =
             variables.slot == question->running ? UPDATE_REPORT_AS_IT_IS : UPDATE_REPORT_NOTHING;
 
         variables.slot = question->running;
-        variables.unverified = remembers ? '\0' : question->other;
+        variables.unverified = unverified;
         result = update_variables_write(ENVIRONMENT_CONFIG, &variables, report);
     }
     return result;

@@ -178,7 +178,10 @@ static void where_data_keeps_no_record_the_slot_is_marked_before_it_can_be_writt
     expect_answer("");
     assert_int_equal(stored.slot, 'a');
     assert_int_equal(stored.unverified,
-                     '\0'); /* or its trial would take the record for an earlier one's */
+                     '\0');  /* or its trial would take the record for an earlier one's */
+    stored.unverified = 'b'; /* of one that came to nothing */
+    expect_answer("");
+    assert_int_equal(stored.unverified, '\0');
     PUT(FAULTS "/data", "/data is full.\n");
     offer("1.0.0");
     PUT(CONFIGURATION, "[update]\nprevent_downgrade = yes\n");
