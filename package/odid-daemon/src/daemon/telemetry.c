@@ -188,7 +188,7 @@ static bool is_renamed(const struct telemetry *telemetry, uint8_t system_id, int
 {
     const struct renamed *renamed = &telemetry->renamed;
 
-    return renamed->system == system_id &&
+    return system_id != 0 && renamed->system == system_id &&
            renamed->same_clock >= (renamed->same_numbers ? 1 : RENAMED_CLOCK_ALONE) &&
            now_us - telemetry->latest_us >= RENAMED_US;
 }
@@ -316,9 +316,6 @@ static void take_heartbeat(struct telemetry *telemetry, const mavlink_message_t 
         return;
     }
     armed = heartbeat.base_mode & MAV_MODE_FLAG_SAFETY_ARMED;
-    if (is_renamed(telemetry, message->sysid, now_us)) {
-        rename_vehicle(telemetry, message->sysid);
-    }
     switch (vehicle_heartbeat(&telemetry->vehicle, message->sysid, armed, now_us)) {
     case VEHICLE_ANOTHER:
         telemetry->counters.other_system++;
@@ -354,6 +351,10 @@ static void take_frame(struct telemetry *telemetry, unsigned stream,
 
     if (message->compid == MAV_COMP_ID_AUTOPILOT1) {
         hear_autopilot(telemetry, now_us);
+        /* Not by its HEARTBEAT alone: who gives it the number can take that away. */
+        if (is_renamed(telemetry, message->sysid, now_us)) {
+            rename_vehicle(telemetry, message->sysid);
+        }
     } else {
         telemetry->others_us = now_us;
     }

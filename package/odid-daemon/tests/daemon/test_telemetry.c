@@ -584,6 +584,20 @@ static void an_autopilot_with_another_number_is_the_same(void **state)
     assert_false(telemetry_contradicted(telemetry, now_us));
 }
 
+/* Its HEARTBEAT was switched off with it: there was no position for the rest of the flight. */
+static void it_is_the_same_without_its_heartbeat_as_well(void **state)
+{
+    (void)state;
+    speaks(VEHICLE, 25, SECOND / 5);
+    for (unsigned i = 1; i <= 25; i++) {
+        now_us += SECOND / 5;
+        assert_int_equal(feed(some_position(OTHER_VEHICLE, AUTOPILOT)), i < 15 ? 0 : 1);
+    }
+    assert_int_equal(telemetry_vehicle(telemetry), OTHER_VEHICLE);
+    assert_true(telemetry_vehicle_speaks(telemetry, now_us)); /* so it is asked for it */
+    assert_false(telemetry_contradicted(telemetry, now_us));
+}
+
 /* Where frames were lost just then, or a neighbour's came between, its clock tells; and its id may
  * be changed once more. Before, the vehicle was lost until power-off. */
 static void it_is_the_same_whatever_happens_meanwhile(void **state)
@@ -831,6 +845,7 @@ int main(void)
         cmocka_unit_test_setup(a_stray_voice_holds_nobody_off, setup),
         cmocka_unit_test_setup(in_flight_no_other_vehicle_takes_its_place, setup),
         cmocka_unit_test_setup(an_autopilot_with_another_number_is_the_same, setup),
+        cmocka_unit_test_setup(it_is_the_same_without_its_heartbeat_as_well, setup),
         cmocka_unit_test_setup(it_is_the_same_whatever_happens_meanwhile, setup),
         cmocka_unit_test_setup(a_neighbour_is_not_the_same_under_another_number, setup),
         cmocka_unit_test_setup(nor_is_one_with_the_same_clock, setup),
