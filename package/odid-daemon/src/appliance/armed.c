@@ -22,15 +22,9 @@ enum armed armed_by(struct json_object *status, const struct kept *kept)
     if (kept == NULL || status == NULL) {
         return ARMED_UNKNOWN;
     }
-    switch (kept->armed) {
-    case KEPT_UNSAID:
-        return ARMED_UNSAID;
-    case KEPT_SILENT:
-    case KEPT_AWAITED:
-        return ARMED_SILENT;
-    default:
-        return ARMED_NO;
-    }
+    return kept->armed == KEPT_UNSAID ? ARMED_UNSAID
+           : kept_is_silent(kept)     ? ARMED_SILENT
+                                      : ARMED_NO;
 }
 
 /* It may be about to start again. NULL: it doesn't answer. */

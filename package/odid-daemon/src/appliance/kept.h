@@ -56,6 +56,12 @@ static inline bool kept_is_unheard(const struct kept *kept)
     return kept->armed == KEPT_UNHEARD || kept->armed == KEPT_AWAITED;
 }
 
+/* Nothing is heard now: it said last that it is disarmed, or is awaited. */
+static inline bool kept_is_silent(const struct kept *kept)
+{
+    return kept->armed == KEPT_SILENT || kept->armed == KEPT_AWAITED;
+}
+
 /*
  * Reads it; what is missing or makes no sense is unknown, and a file that says
  * nothing of armed says that it is. Follows no link. Returns 0; -ENOENT when

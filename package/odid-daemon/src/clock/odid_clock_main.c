@@ -35,7 +35,6 @@ static struct {
     int64_t build_us;
     int64_t save_us;               /* CLOCK_MONOTONIC: when the time is to be saved next */
     bool was_set;                  /* to the autopilot's time */
-    bool is_new;                   /* the clock was set far ahead, and that has not stood yet */
     int64_t known_us, known_at_us; /* the time at the start, or that has stood since; when */
     /* said already, and not to be said again as long as it is so */
     int save_error;
@@ -152,7 +151,6 @@ static void save(void)
     }
     self.save_error = result;
     self.save_us = time_us(CLOCK_MONOTONIC) + SAVE_EVERY_US;
-    self.is_new = false;
 }
 
 static void note_known(void)
@@ -167,16 +165,18 @@ static void note_known(void)
  * stood, not from the clock: who forges it comes in many steps. One that lies behind puts right
  * what was saved, at once.
  */
+static bool lies_far_ahead(int64_t unix_us)
+{
+    return unix_us - self.known_us - (time_us(CLOCK_MONOTONIC) - self.known_at_us) > FAR_US;
+}
+
 static void set_to_autopilots(int64_t autopilot_us)
 {
-    int64_t expected_us = self.known_us + time_us(CLOCK_MONOTONIC) - self.known_at_us;
-
     if (set_clock(autopilot_us, "the autopilot's time") < 0) {
         return;
     }
     self.was_set = true;
-    if (autopilot_us - expected_us > FAR_US) {
-        self.is_new = true;
+    if (lies_far_ahead(autopilot_us)) {
         self.save_us = time_us(CLOCK_MONOTONIC) + SAVE_EVERY_US;
     } else {
         save();
@@ -240,7 +240,7 @@ static int follow_autopilot(void)
         }
         number = sigtimedwait(&set, NULL, &pause);
     } while (number < 0);
-    if (!self.is_new) {
+    if (!lies_far_ahead(time_us(CLOCK_REALTIME))) {
         save();
     }
     log_info("ending on signal %d", number);

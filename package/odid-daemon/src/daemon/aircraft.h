@@ -116,7 +116,7 @@ struct aircraft_condition {
     bool vertical_inverted;   /* it sends vertical speed upside down: set right (vertical.h) */
     int64_t operator_ahead_s; /* the ground station's clock; 0 while not known */
     uint8_t mav_type, autopilot;
-    uint8_t said_mav_type; /* by the last HEARTBEAT */
+    uint8_t said_mav_type; /* HEARTBEAT's; in flight mav_type stays that of before */
     unsigned autopilot_restarts;
     double position_rate_hz; /* new positions a second of the source that speaks; NAN unknown */
     uint8_t basic_id_conflict, operator_id_conflict; /* native differs from configured: 1 */

@@ -186,9 +186,15 @@ static void write_kept(void)
     self.kept_behind = result < 0; /* tried again at each look: others go by it */
 }
 
+/* Of an autopilot that was never heard since power-on. One that was there at an earlier one may
+ * have been told to be silent. */
+static enum kept_armed word_of_unheard(void)
+{
+    return self.options.expected_vehicle != 0 ? KEPT_AWAITED : KEPT_UNHEARD;
+}
+
 /* An old "disarmed", also one that a daemon before this one heard, is no word of one that speaks on
- * without it: it may fly. One that is silent may be switched off, or was never there; but one that
- * was there at an earlier power-on may have been told to be. */
+ * without it: it may fly. One that is silent may be switched off, or was never there. */
 static enum kept_armed word_of(const struct aircraft_condition *condition, int64_t now_us)
 {
     bool heard = telemetry_heartbeat_us(self.telemetry) != INT64_MIN;
@@ -197,12 +203,11 @@ static enum kept_armed word_of(const struct aircraft_condition *condition, int64
     bool missing = telemetry_heartbeat_missing(self.telemetry, now_us) ||
                    (!heard && !unheard && telemetry_autopilot_speaks(self.telemetry, now_us));
 
-    return condition->armed                     ? KEPT_ARMED
-           : condition->heartbeat_fresh         ? KEPT_DISARMED
-           : missing                            ? KEPT_UNSAID
-           : !unheard                           ? KEPT_SILENT
-           : self.options.expected_vehicle != 0 ? KEPT_AWAITED
-                                                : KEPT_UNHEARD;
+    return condition->armed             ? KEPT_ARMED
+           : condition->heartbeat_fresh ? KEPT_DISARMED
+           : missing                    ? KEPT_UNSAID
+           : unheard                    ? word_of_unheard()
+                                        : KEPT_SILENT;
 }
 
 /* The take-off point for a restart in flight only: that of a flight that ended must not pass for
@@ -271,7 +276,7 @@ static void restore(int64_t now_us)
     bool believed;
 
     if (kept_read(config()->run_dir, &self.kept) == -ENOENT) {
-        self.kept.armed = self.options.expected_vehicle != 0 ? KEPT_AWAITED : KEPT_UNHEARD;
+        self.kept.armed = word_of_unheard();
         write_kept();
     }
     vehicle = self.kept.vehicle != 0 ? self.kept.vehicle : self.options.expected_vehicle;

@@ -57,8 +57,7 @@ void update_init(struct update *update, int64_t now_us)
 /* For the restart. */
 static bool may_fly(const struct kept *kept, bool answered, bool unattended)
 {
-    return !answered || kept->armed == KEPT_UNSAID ||
-           ((kept->armed == KEPT_SILENT || kept->armed == KEPT_AWAITED) && unattended);
+    return !answered || kept->armed == KEPT_UNSAID || (kept_is_silent(kept) && unattended);
 }
 
 bool update_armed(const struct update *update, const struct kept *kept, bool answered,

@@ -112,7 +112,7 @@ int model_read(const char *path, int64_t *saved_us)
 /* Up to the second of its end. said: its last one from -1 on. */
 static void serve_until(int64_t second, const struct said *autopilot)
 {
-    self.was_set = self.is_new = false;
+    self.was_set = false;
     self.save_us = 0;
     self.build_us = (NOW - 3 * YEAR) * SECOND_US;
     said = autopilot;
