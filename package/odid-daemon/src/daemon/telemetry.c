@@ -28,6 +28,7 @@ struct renamed {
     int64_t heard_us;
     bool same_numbers; /* from the vehicle's last frame on, ... */
     bool apart;        /* ... from which whoever speaks under the old id doesn't go on */
+    bool returned;     /* to the old id, under which the same numbers go on */
     unsigned same_clock;
 };
 
@@ -214,6 +215,13 @@ static enum clock_is told_clock(const struct telemetry *telemetry, const mavlink
     return belief_clock_goes_on(&telemetry->belief, boot_ms, now_us) ? CLOCK_SAME : CLOCK_ANOTHER;
 }
 
+static bool is_next(uint8_t sequence, const mavlink_message_t *message)
+{
+    uint8_t step = (uint8_t)(message->seq - sequence);
+
+    return step >= 1 && step <= RENAMED_LOST_MAX;
+}
+
 /* A frame of another system's autopilot: is it the vehicle's next one? Its id may be changed more
  * than once: then each goes on where the one before it ended. */
 static void watch_renamed(struct telemetry *telemetry, const mavlink_message_t *message,
@@ -222,11 +230,14 @@ static void watch_renamed(struct telemetry *telemetry, const mavlink_message_t *
     struct renamed *renamed = &telemetry->renamed;
     bool alive = renamed->system != 0 && now_us - renamed->heard_us < RENAMED_SILENT_US;
     bool known = alive && renamed->system == message->sysid;
-    bool recent = alive ? renamed->same_numbers : now_us - telemetry->latest_us < RENAMED_US;
-    uint8_t step = (uint8_t)(message->seq - (alive ? renamed->sequence : telemetry->latest.seq));
-    bool follows = recent && step >= 1 && step <= RENAMED_LOST_MAX;
+    bool goes_on = alive && !renamed->returned;
+    bool recent = goes_on ? renamed->same_numbers : now_us - telemetry->latest_us < RENAMED_US;
+    bool follows = recent && is_next(goes_on ? renamed->sequence : telemetry->latest.seq, message);
     enum clock_is clock = told_clock(telemetry, message, now_us);
 
+    if (known && renamed->returned && !follows && is_next(renamed->sequence, message)) {
+        follows = renamed->apart = true; /* it didn't return: somebody had copied its numbers */
+    }
     if (!known && !follows && (alive || clock != CLOCK_SAME)) {
         return; /* beside one that does, or a neighbour */
     }
@@ -236,6 +247,7 @@ static void watch_renamed(struct telemetry *telemetry, const mavlink_message_t *
     }
     renamed->same_clock = (alive ? renamed->same_clock : 0) + (clock == CLOCK_SAME);
     renamed->apart = alive && renamed->apart;
+    renamed->returned = false;
     renamed->same_numbers = follows;
     renamed->system = message->sysid;
     renamed->sequence = message->seq;
@@ -258,11 +270,14 @@ static void watch_old_number(struct telemetry *telemetry, const mavlink_message_
                              int64_t now_us)
 {
     struct renamed *renamed = &telemetry->renamed;
-    uint8_t step = (uint8_t)(message->seq - telemetry->latest.seq);
-    bool goes_on = step >= 1 && step <= RENAMED_LOST_MAX;
+    bool alive = now_us - renamed->heard_us < RENAMED_SILENT_US;
 
-    if (!renamed->same_numbers || (!renamed->apart && goes_on)) {
+    if (!renamed->same_numbers || (!renamed->apart && is_next(telemetry->latest.seq, message) &&
+                                   !(renamed->returned && alive))) {
         renamed->system = 0;
+    } else if (!renamed->apart && alive &&
+               (renamed->returned || is_next(renamed->sequence, message))) {
+        renamed->returned = true; /* its number was changed back */
     } else {
         renamed->apart = true;
     }

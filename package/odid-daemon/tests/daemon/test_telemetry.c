@@ -697,6 +697,47 @@ static void who_speaks_on_under_the_old_number_is_found_out(void **state)
     assert_int_equal(telemetry_vehicle(telemetry), VEHICLE);
 }
 
+/* It was taken for two for a minute, and before the first fix no position began. */
+static void one_that_gets_its_number_back_is_one(void **state)
+{
+    (void)state;
+    speaks(VEHICLE, 25, SECOND / 5);
+    for (unsigned i = 0; i < 10; i++) {
+        speaks(OTHER_VEHICLE, 5, SECOND / 5);
+        speaks(VEHICLE, 1 + i, SECOND / 5);
+        assert_false(telemetry_contradicted(telemetry, now_us));
+    }
+    speaks(VEHICLE, 10, SECOND / 5);
+    assert_int_equal(telemetry_vehicle(telemetry), VEHICLE);
+    assert_false(telemetry_contradicted(telemetry, now_us));
+}
+
+/* By one frame, or several, for each of the vehicle's. */
+static void nor_does_it_help_to_copy_its_numbers(void **state)
+{
+    uint8_t own, forged;
+
+    (void)state;
+    for (unsigned frames = 1; frames <= 3; frames++) {
+        setup(state);
+        speaks(VEHICLE, 25, SECOND / 5);
+        own = mavlink_get_channel_status(MAVLINK_COMM_0)->current_tx_seq;
+        for (unsigned i = 0; i < 50; i++) {
+            now_us += SECOND / 5;
+            feed(NUMBERED(own, some_position(OTHER_VEHICLE, AUTOPILOT)));
+            forged = own;
+            for (unsigned frame = 0; frame < frames; frame++) {
+                feed(NUMBERED(forged, some_position(VEHICLE, AUTOPILOT)));
+            }
+            if (i % 5 == 0) {
+                feed(NUMBERED(forged, autopilot_heartbeat(VEHICLE)));
+            }
+            assert_true(i < 20 || telemetry_contradicted(telemetry, now_us));
+        }
+        assert_int_equal(telemetry_vehicle(telemetry), VEHICLE);
+    }
+}
+
 static void one_that_flies_takes_no_place_at_all(void **state)
 {
     (void)state;
@@ -850,6 +891,8 @@ int main(void)
         cmocka_unit_test_setup(a_neighbour_is_not_the_same_under_another_number, setup),
         cmocka_unit_test_setup(nor_is_one_with_the_same_clock, setup),
         cmocka_unit_test_setup(who_speaks_on_under_the_old_number_is_found_out, setup),
+        cmocka_unit_test_setup(one_that_gets_its_number_back_is_one, setup),
+        cmocka_unit_test_setup(nor_does_it_help_to_copy_its_numbers, setup),
         cmocka_unit_test_setup(one_that_flies_takes_no_place_at_all, setup),
         cmocka_unit_test_setup(the_first_vehicle_has_its_place_back_when_it_returns, setup),
         cmocka_unit_test_setup(who_took_off_here_gives_way_to_nobody_who_was_only_expected, setup),
