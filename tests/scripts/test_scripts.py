@@ -1907,9 +1907,19 @@ def test_a_factory_reset_forgets_nothing_that_config_can_t_bring_back(appliance,
     said = appliance.must("/etc/init.d/S30data")
     assert appliance.read("data/odid/odid.conf") == ("the image's\n" if forgotten else "mine\n")
     assert appliance.exists("data/odid/way") != forgotten
-    assert appliance.exists("data/odid/factory-reset") == forgotten     # it is S40config's to take away
+    assert not appliance.exists("data/odid/factory-reset")
     assert forgotten or passed_over or f"odid: {checked.strip()}\n" in said
     assert ("There was no factory reset" in (appliance.fault("factory-reset") or "")) != forgotten
+
+
+def test_a_power_cut_after_a_factory_reset_forgets_nothing_that_config_brought(with_config, with_data):
+    """The next power-on was one more, and the password that CONFIG had brought, and hasn't any more, was gone."""
+    with_data.write("checked", "/run/config: would be taken over\n")
+    with_data.write("data/odid/factory-reset", "")
+    with_data.must("/etc/init.d/S30data")
+    with_data.write("data/secrets/maintenance.psk", KEY + "\n")     # S40config's import, and then the power goes
+    with_data.must("/etc/init.d/S30data")
+    assert with_data.read("data/secrets/maintenance.psk") == KEY + "\n"
 
 
 # --- damage -------------------------------------------------------------------------
