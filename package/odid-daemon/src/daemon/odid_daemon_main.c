@@ -323,7 +323,7 @@ static void on_look(void *context, int64_t now_us)
         for (enum channel channel = 0; channel < CHANNELS; channel++) {
             pilot_channel(&self.pilot, vehicle, channel, &self.radios[channel], now_us);
         }
-        pilot_sources(&self.pilot, vehicle, input.contradicted);
+        pilot_sources(&self.pilot, vehicle, input.contradicted, now_us);
     }
     if (decided || waited) {
         /* Others keep it over power-offs: not whoever passed by, or was only expected. */

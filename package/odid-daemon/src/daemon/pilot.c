@@ -8,6 +8,8 @@
 
 /* A repair takes less: only what lasts is told. */
 #define TOLD_AFTER_US 1000000
+/* A text is one datagram through a radio that loses some: what lasts is said again. */
+#define TOLD_AGAIN_US 30000000
 
 void pilot_init(struct pilot *pilot, pilot_send_fn *send, void *context)
 {
@@ -74,6 +76,16 @@ static void send_text(struct pilot *pilot, uint8_t vehicle, uint8_t severity, co
     send(pilot, &message);
 }
 
+/* Is it time to say what lasts? last_us: when it was said last, 0 before the first time. */
+static bool is_to_be_told(int64_t *last_us, int64_t now_us)
+{
+    if (*last_us != 0 && now_us - *last_us < TOLD_AGAIN_US) {
+        return false;
+    }
+    *last_us = now_us;
+    return true;
+}
+
 void pilot_channel(struct pilot *pilot, uint8_t vehicle, enum channel channel,
                    const struct radio *radio, int64_t now_us)
 {
@@ -81,14 +93,16 @@ void pilot_channel(struct pilot *pilot, uint8_t vehicle, enum channel channel,
     bool on_air = state == RADIO_ON_AIR;
     char text[80];
 
-    if (!on_air && pilot->seen[channel] && !pilot->lost[channel] &&
-        now_us - radio_seen_since_us(radio, now_us) >= TOLD_AFTER_US) {
+    if (!on_air && pilot->seen[channel] &&
+        now_us - radio_seen_since_us(radio, now_us) >= TOLD_AFTER_US &&
+        is_to_be_told(&pilot->lost_told_us[channel], now_us)) {
         pilot->lost[channel] = true;
         snprintf(text, sizeof(text), "Remote ID: %s off air (%s)", channel_title(channel),
                  radio_state_name(state));
         send_text(pilot, vehicle, MAV_SEVERITY_WARNING, text);
     } else if (on_air && pilot->lost[channel]) {
         pilot->lost[channel] = false;
+        pilot->lost_told_us[channel] = 0;
         snprintf(text, sizeof(text), "Remote ID: %s on air again", channel_title(channel));
         send_text(pilot, vehicle, MAV_SEVERITY_NOTICE, text);
     }
@@ -101,13 +115,14 @@ void pilot_restore(struct pilot *pilot, enum channel channel, bool seen, bool lo
     pilot->lost[channel] = lost;
 }
 
-void pilot_sources(struct pilot *pilot, uint8_t vehicle, bool contradicted)
+void pilot_sources(struct pilot *pilot, uint8_t vehicle, bool contradicted, int64_t now_us)
 {
-    if (contradicted != pilot->contradicted) {
-        pilot->contradicted = contradicted;
-        send_text(pilot, vehicle, contradicted ? MAV_SEVERITY_CRITICAL : MAV_SEVERITY_NOTICE,
-                  contradicted ? "Remote ID: two sources speak as the autopilot"
-                               : "Remote ID: one autopilot speaks again");
+    if (contradicted && is_to_be_told(&pilot->contradicted_told_us, now_us)) {
+        send_text(pilot, vehicle, MAV_SEVERITY_CRITICAL,
+                  "Remote ID: two sources speak as the autopilot");
+    } else if (!contradicted && pilot->contradicted_told_us != 0) {
+        pilot->contradicted_told_us = 0;
+        send_text(pilot, vehicle, MAV_SEVERITY_NOTICE, "Remote ID: one autopilot speaks again");
     }
 }
 

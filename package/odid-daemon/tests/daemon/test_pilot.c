@@ -145,7 +145,7 @@ static mavlink_statustext_t text(void)
     return status;
 }
 
-static void a_lost_channel_is_told_once_and_its_return_once(void **state)
+static void a_lost_channel_is_told_and_its_return_once(void **state)
 {
     mavlink_statustext_t status;
 
@@ -158,7 +158,7 @@ static void a_lost_channel_is_told_once_and_its_return_once(void **state)
     assert_non_null(memmem(status.text, sizeof(status.text), "Remote ID: ", 11));
     assert_non_null(memmem(status.text, sizeof(status.text), channel_title(CHANNEL_BT4),
                            strlen(channel_title(CHANNEL_BT4))));
-    for (int64_t now = 12; now < 100; now++) {
+    for (int64_t now = 12; now < 41; now++) {
         assert_int_equal(channel_at(RADIO_LOST, 10 * SECOND, now * SECOND), 0);
     }
     assert_int_equal(channel_at(RADIO_ON_AIR, 100 * SECOND, 100 * SECOND), 1);
@@ -166,6 +166,23 @@ static void a_lost_channel_is_told_once_and_its_return_once(void **state)
     assert_int_equal(status.severity, MAV_SEVERITY_NOTICE);
     assert_int_equal(channel_at(RADIO_ON_AIR, 100 * SECOND, 101 * SECOND), 0);
     assert_int_equal(channel_at(RADIO_ABSENT, 102 * SECOND, 103 * SECOND), 1);
+}
+
+/* The first text may have been lost on the way. */
+static void what_lasts_is_told_again_every_30_seconds(void **state)
+{
+    unsigned channel = 0, sources = 0;
+
+    (void)state;
+    channel_at(RADIO_ON_AIR, 0, 1 * SECOND);
+    for (int64_t now = 2; now < 92; now++) {
+        sent_count = 0;
+        channel += channel_at(RADIO_LOST, 1 * SECOND, now * SECOND);
+        pilot_sources(&pilot, VEHICLE, true, now * SECOND);
+        sources += sent_count;
+    }
+    assert_int_equal(channel, 3);
+    assert_int_equal(sources, channel + 3);
 }
 
 static void a_repair_within_a_second_is_not_told(void **state)
@@ -197,11 +214,11 @@ static void one_that_does_not_come_back_after_a_restart_is_lost(void **state)
     assert_int_equal(channel_at(RADIO_STARTING, 10 * SECOND, 12 * SECOND), 0);
 }
 
-static void what_was_told_before_a_restart_is_not_told_again_but_its_return_is(void **state)
+static void what_was_lost_before_a_restart_is_told_and_its_return_is(void **state)
 {
     (void)state;
     pilot_restore(&pilot, CHANNEL_BT4, true, true);
-    assert_int_equal(channel_at(RADIO_ABSENT, 10 * SECOND, 20 * SECOND), 0);
+    assert_int_equal(channel_at(RADIO_ABSENT, 10 * SECOND, 20 * SECOND), 1);
     assert_int_equal(channel_at(RADIO_ON_AIR, 21 * SECOND, 21 * SECOND), 1);
     assert_int_equal(text().severity, MAV_SEVERITY_NOTICE);
     assert_int_equal(channel_at(RADIO_LOST, 22 * SECOND, 23 * SECOND), 1);
@@ -227,18 +244,18 @@ static void each_channel_is_told_for_itself(void **state)
     }
 }
 
-static void two_sources_are_told_once_and_their_end_once(void **state)
+static void two_sources_are_told_and_their_end_once(void **state)
 {
     (void)state;
-    pilot_sources(&pilot, VEHICLE, false);
+    pilot_sources(&pilot, VEHICLE, false, 1 * SECOND);
     assert_int_equal(sent_count, 0);
     for (unsigned i = 0; i < 3; i++) {
-        pilot_sources(&pilot, VEHICLE, true);
+        pilot_sources(&pilot, VEHICLE, true, (2 + i) * SECOND);
     }
     assert_int_equal(sent_count, 1);
     assert_int_equal(text().severity, MAV_SEVERITY_CRITICAL);
-    pilot_sources(&pilot, VEHICLE, false);
-    pilot_sources(&pilot, VEHICLE, false);
+    pilot_sources(&pilot, VEHICLE, false, 5 * SECOND);
+    pilot_sources(&pilot, VEHICLE, false, 6 * SECOND);
     assert_int_equal(sent_count, 2);
     assert_int_equal(text().severity, MAV_SEVERITY_NOTICE);
 }
@@ -271,14 +288,14 @@ int main(void)
         cmocka_unit_test_setup(a_reason_is_told_word_for_word, setup),
         cmocka_unit_test_setup(a_long_reason_is_cut_and_terminated, setup),
         cmocka_unit_test_setup(frames_are_numbered, setup),
-        cmocka_unit_test_setup(a_lost_channel_is_told_once_and_its_return_once, setup),
+        cmocka_unit_test_setup(a_lost_channel_is_told_and_its_return_once, setup),
+        cmocka_unit_test_setup(what_lasts_is_told_again_every_30_seconds, setup),
         cmocka_unit_test_setup(a_repair_within_a_second_is_not_told, setup),
         cmocka_unit_test_setup(a_channel_that_never_was_on_air_is_not_lost, setup),
         cmocka_unit_test_setup(one_that_does_not_come_back_after_a_restart_is_lost, setup),
-        cmocka_unit_test_setup(what_was_told_before_a_restart_is_not_told_again_but_its_return_is,
-                               setup),
+        cmocka_unit_test_setup(what_was_lost_before_a_restart_is_told_and_its_return_is, setup),
         cmocka_unit_test_setup(each_channel_is_told_for_itself, setup),
-        cmocka_unit_test_setup(two_sources_are_told_once_and_their_end_once, setup),
+        cmocka_unit_test_setup(two_sources_are_told_and_their_end_once, setup),
         cmocka_unit_test_setup(a_rate_is_asked_of_the_autopilot, setup),
     };
 
