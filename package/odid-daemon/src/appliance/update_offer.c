@@ -97,7 +97,8 @@ bool update_offer_judge(const struct update_offer *offer, char *why, unsigned lo
     if (!update_versions_judge(&offer->versions, why, size)) {
         return false;
     }
-    if (!offer->remembers && strcmp(offer->versions.offered, offer->versions.rolled_back) == 0) {
+    if (!offer->keeps_records &&
+        strcmp(offer->versions.offered, offer->versions.rolled_back) == 0) {
         return refuse(why, size,
                       "Version %s was rolled back before, and in /data that can't be changed: its "
                       "trial would be given up at once. See the faults.",

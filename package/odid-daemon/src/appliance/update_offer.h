@@ -30,7 +30,8 @@ struct update_offer {
     bool undecided;                      /* another update waits for the restart or is on trial */
     bool given_up;                       /* the running slot failed its trial */
     enum armed armed;
-    bool remembers; /* what is rolled back can be kept */
+    bool keeps_records; /* /data takes a record of it now */
+    bool remembers;     /* and will still have it if it is rolled back, for all that is known */
 };
 
 bool update_offer_judge(const struct update_offer *offer, char *why, unsigned long size);

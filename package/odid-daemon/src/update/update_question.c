@@ -40,20 +40,21 @@ static bool is_what_was_set(void)
            (stat(IN_MEMORY, &memory) < 0 || memory.st_size > 0);
 }
 
-/* Of what is rolled back a mark is kept, else a stick would bring it again and again. A disk that
- * has turned read-only may not have said so yet: it is tried. */
-static bool remembers(void)
+/* A disk that has turned read-only may not have said so yet: it is tried. */
+static bool keeps_records(void)
 {
-    bool remembers =
-        access(FAULTS "/data", F_OK) < 0 && whole_file_replace(TRIED, "?", 1, 0600) == 0;
+    static const char block[4096];
+    bool keeps =
+        access(IN_MEMORY, F_OK) < 0 && whole_file_replace(TRIED, block, sizeof(block), 0600) == 0;
 
     unlink(TRIED);
-    return remembers;
+    return keeps;
 }
 
 static void fill_offer(struct update_offer *offer, const struct update_bundle *bundle,
                        const struct update_question *question)
 {
+    bool keeps = keeps_records();
     static char rolled_back[UPDATE_VERSION_SIZE];
     struct update_variables variables = {0};
     bool damaged;
@@ -78,7 +79,9 @@ static void fill_offer(struct update_offer *offer, const struct update_bundle *b
         .undecided = question->beside || known < 0 || variables.upgrade_available,
         .given_up = variables.trial_failed == question->running,
         .armed = armed_by(status, ran ? &kept : NULL),
-        .remembers = remembers(),
+        .keeps_records = keeps,
+        /* A disk that had to be mended may lose it again, and a stick would bring it each time. */
+        .remembers = keeps && access(FAULTS "/data", F_OK) < 0,
     };
     json_object_put(status);
 }
@@ -86,9 +89,9 @@ static void fill_offer(struct update_offer *offer, const struct update_bundle *b
 /* The boot loader may have taken this slot because the committed one is damaged: from now on it is
  * the one that a failed trial goes back to. And where /data keeps no record of the update, it
  * stands here that one was begun: what power breaks off is taken away at the next start. */
-static int keep_this_slot(const struct update_question *question, bool remembers)
+static int keep_this_slot(const struct update_question *question, bool recorded)
 {
-    char unverified = remembers ? '\0' : question->other;
+    char unverified = recorded ? '\0' : question->other;
     struct update_variables variables;
     bool damaged;
     int result =
@@ -119,7 +122,7 @@ void update_question_answer(const struct update_question *question,
         fill_offer(&offer, &bundle, question);
         if (update_offer_judge(&offer, answer, UPDATE_SENTENCE_SIZE)) {
             answer[0] = '\0';
-            if (keep_this_slot(question, offer.remembers) < 0) {
+            if (keep_this_slot(question, offer.keeps_records) < 0) {
                 snprintf(answer, UPDATE_SENTENCE_SIZE, "U-Boot's environment can't be written.");
             } else if (!update_slot_protect(question->other, false)) {
                 snprintf(answer, UPDATE_SENTENCE_SIZE, "The slot can't be made writable.");

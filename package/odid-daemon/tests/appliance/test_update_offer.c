@@ -21,6 +21,7 @@ static int begin(void **state)
         .needed_octets = 10,
         .slot_octets = 10,
         .armed = ARMED_NO,
+        .keeps_records = true,
         .remembers = true};
     why[0] = '\0';
     return 0;
@@ -102,7 +103,9 @@ static void one_that_was_rolled_back_is_tried_again_where_data_can_be_written(vo
     (void)state;
     offer.versions.rolled_back = offer.versions.offered;
     assert_taken();
-    offer.remembers = false;
+    offer.remembers = false; /* a disk that was mended: by now it takes a record */
+    assert_taken();
+    offer.keeps_records = false;
     assert_refused("/data");
     offer.versions.rolled_back = "1.8.0";
     assert_taken();

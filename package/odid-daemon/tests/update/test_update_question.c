@@ -159,10 +159,15 @@ static void where_data_keeps_no_record_the_slot_is_marked_before_it_can_be_writt
     offer("1.2.0");
     PUT(CONFIGURATION, "; nothing\n");
     unlink(FAULTS "/data");
+    unlink(IN_MEMORY);
     stored = (struct update_variables){.slot = 'a', .restarts = 2};
     expect_answer("");
     assert_int_equal(stored.unverified, '\0'); /* its record does */
-    PUT(FAULTS "/data", "/data is full.\n");
+    PUT(FAULTS "/data", "/data was damaged, and was repaired.\n");
+    expect_answer("");
+    assert_int_equal(stored.unverified,
+                     '\0'); /* the fault stands until power-off, and it is sound */
+    PUT(IN_MEMORY, "copied\n");
     expect_answer("");
     assert_int_equal(stored.slot, 'a');
     assert_int_equal(stored.unverified, 'b');
@@ -173,7 +178,7 @@ static void where_data_keeps_no_record_the_slot_is_marked_before_it_can_be_writt
     assert_int_equal(stored.slot, 'a');
     assert_int_equal(report_of_it, UPDATE_REPORT_NOTHING);
     stored.unverified = '\0';
-    unlink(FAULTS "/data");
+    unlink(IN_MEMORY);
     stored = (struct update_variables){.slot = 'b'};
     expect_answer("");
     assert_int_equal(stored.slot, 'a');
@@ -182,7 +187,7 @@ static void where_data_keeps_no_record_the_slot_is_marked_before_it_can_be_writt
     stored.unverified = 'b'; /* of one that came to nothing */
     expect_answer("");
     assert_int_equal(stored.unverified, '\0');
-    PUT(FAULTS "/data", "/data is full.\n");
+    PUT(IN_MEMORY, "copied\n");
     offer("1.0.0");
     PUT(CONFIGURATION, "[update]\nprevent_downgrade = yes\n");
     expect_answer("prevent_downgrade = yes");
