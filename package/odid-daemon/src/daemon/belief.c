@@ -23,6 +23,10 @@
 /* ... and until the least delay is known: what was held up on the way comes at the beginning. */
 #define SETTLED_US 20000000
 #define UNSETTLED_AHEAD_US 1000000
+/* So near to what is believed a clock is the same; what is later may have been held up on the way,
+ * for so long. */
+#define SAME_US 200000
+#define HELD_UP_US 2000000
 
 /* The fastest that Remote ID knows, and what an estimator may jump; delays differ. */
 #define SPEED_MAX_MPS 254.25
@@ -128,17 +132,25 @@ static int64_t clock_step_ms(const struct belief_clock *clock, uint32_t at_ms, i
     return step_ms > wrap_ms / 2 ? step_ms - wrap_ms : step_ms;
 }
 
+/* More than the least delayed one. */
+static int64_t delay_of_us(const struct belief_clock *clock, int64_t step_ms, int64_t now_us)
+{
+    return now_us - (clock->last_us + step_ms * 1000) - clock->offset_us;
+}
+
+/* What the clocks may have drifted apart since it was heard. */
+static int64_t drift_us(const struct belief_clock *clock, int64_t now_us)
+{
+    return (int64_t)((double)(now_us - clock->track.heard_us) * DRIFT);
+}
+
 static bool clock_fits(const struct belief_clock *clock, int64_t step_ms, int32_t wrap_ms,
                        int64_t now_us)
 {
-    int64_t delay_us = now_us - (clock->last_us + step_ms * 1000) - clock->offset_us;
-    int64_t ahead_us = AHEAD_US;
+    int64_t ahead_us = now_us - clock->since_us < SETTLED_US ? UNSETTLED_AHEAD_US : AHEAD_US;
 
-    if (now_us - clock->since_us < SETTLED_US) {
-        ahead_us = UNSETTLED_AHEAD_US;
-    }
-    ahead_us += (int64_t)((double)(now_us - clock->track.heard_us) * DRIFT);
-    return step_ms >= (wrap_ms == 0 ? BEHIND_MS : NATIVE_BEHIND_MS) && delay_us >= -ahead_us;
+    return step_ms >= (wrap_ms == 0 ? BEHIND_MS : NATIVE_BEHIND_MS) &&
+           delay_of_us(clock, step_ms, now_us) >= -ahead_us - drift_us(clock, now_us);
 }
 
 struct clock_word {
@@ -573,16 +585,18 @@ void belief_sequence(struct belief *belief, uint8_t sequence, bool again, int64_
     numbers->last_us = now_us;
 }
 
-bool belief_clock_goes_on(const struct belief *belief, uint32_t boot_ms, int64_t now_us)
+enum belief_clock_is belief_clock_is(const struct belief *belief, uint32_t boot_ms, int64_t now_us)
 {
     const struct belief_clock *clock = &belief->boot;
+    int64_t step_ms = clock_step_ms(clock, boot_ms, 0);
+    int64_t delay_us = delay_of_us(clock, step_ms, now_us);
+    int64_t drifted_us = drift_us(clock, now_us);
 
-    return clock->track.known && clock_fits(clock, clock_step_ms(clock, boot_ms, 0), 0, now_us);
-}
-
-void belief_another_speaks(struct belief *belief, int64_t now_us)
-{
-    contradict(belief, now_us);
+    if (!clock->track.known || !clock_fits(clock, step_ms, 0, now_us) ||
+        delay_us > HELD_UP_US + drifted_us) {
+        return BELIEF_CLOCK_ANOTHER;
+    }
+    return llabs(delay_us) > SAME_US + drifted_us ? BELIEF_CLOCK_NOT_KNOWN : BELIEF_CLOCK_SAME;
 }
 
 void belief_new_link(struct belief *belief)

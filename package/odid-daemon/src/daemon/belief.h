@@ -110,11 +110,10 @@ void belief_sequence(struct belief *belief, uint8_t sequence, bool again, int64_
 /* The next frame comes by another link of the autopilot's, which has numbers of its own. */
 void belief_new_link(struct belief *belief);
 
-/* Would a time since boot, of whoever says it, go on with the believed clock? Changes nothing. */
-bool belief_clock_goes_on(const struct belief *belief, uint32_t boot_ms, int64_t now_us);
-
-/* A frame of the vehicle's, while its autopilot goes on under another number. */
-void belief_another_speaks(struct belief *belief, int64_t now_us);
+/* Is a time since boot, of whoever says it, the believed clock's? Not known of one that may have
+ * been held up on the way. Changes nothing. */
+enum belief_clock_is { BELIEF_CLOCK_ANOTHER, BELIEF_CLOCK_NOT_KNOWN, BELIEF_CLOCK_SAME };
+enum belief_clock_is belief_clock_is(const struct belief *belief, uint32_t boot_ms, int64_t now_us);
 
 /* Do two sources contradict each other? */
 bool belief_contradicted(const struct belief *belief, int64_t now_us);

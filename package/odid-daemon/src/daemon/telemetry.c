@@ -5,36 +5,14 @@
 
 #include "daemon/aircraft.h"
 #include "daemon/belief.h"
+#include "daemon/kin.h"
 #include "daemon/telemetry_odid.h"
 #include "daemon/telemetry_plain.h"
 #include "daemon/vehicle.h"
 #include "mavlink/framing.h"
 
-/*
- * An autopilot that is given another system id in flight goes on with its numbers and its clock; it
- * takes its own place once the old id has been silent for so long. Where frames were lost just
- * then, its clock alone tells, so many times in a row.
- */
+/* The vehicle has taken another system id once its old one has been silent for so long. */
 #define RENAMED_US 3000000
-#define RENAMED_LOST_MAX 8
-#define RENAMED_CLOCK_ALONE 5
-/* Whoever is taken for it, and is silent for so long, isn't. */
-#define RENAMED_SILENT_US 1500000
-
-/* Another system, whose autopilot goes on where the vehicle's ended. */
-struct renamed {
-    uint8_t system; /* 0: none */
-    uint8_t sequence;
-    int64_t heard_us;
-    bool same_numbers; /* from the vehicle's last frame on, ... */
-    bool apart;        /* ... from which whoever speaks under the old id doesn't go on */
-    bool returned;     /* to the old id, under which the same numbers go on */
-    unsigned same_clock;
-};
-
-/* So often by its clock, and by its numbers, and whoever goes on under the old id is another one.
- */
-#define RENAMED_FOR_SURE 2
 
 struct telemetry {
     telemetry_fn *deliver;
@@ -42,7 +20,7 @@ struct telemetry {
     struct framing framing[TELEMETRY_STREAMS];
     struct telemetry_counters counters;
     struct belief belief;
-    mavlink_message_t latest; /* of the vehicle's autopilot */
+    mavlink_message_t latest; /* of the vehicle's autopilot, or its kin's */
     struct vehicle vehicle;
     bool identified;    /* its autopilot said who it is */
     bool authenticated; /* and proves it */
@@ -50,10 +28,11 @@ struct telemetry {
     bool by_another;    /* the native message that is being read isn't its autopilot's */
     uint16_t speaker;   /* but this one's (telemetry_update) */
     int vehicle_stream;
-    int64_t latest_us;
+    int64_t latest_us;                /* of the vehicle's autopilot; INT64_MIN: none yet */
     int64_t first_us;                 /* any autopilot's first frame; INT64_MIN */
     int64_t autopilots_us, others_us; /* any one's last frame, and of whoever is none; INT64_MIN */
-    struct renamed renamed;
+    struct kin kin;                   /* whoever has the vehicle's clock */
+    bool nameless;                    /* the vehicle's id is 0 by now, which is nobody's */
 };
 
 struct telemetry *telemetry_init(telemetry_fn *deliver, void *context)
@@ -65,6 +44,7 @@ struct telemetry *telemetry_init(telemetry_fn *deliver, void *context)
     telemetry.context = context;
     telemetry.vehicle_stream = -1;
     telemetry.first_us = telemetry.autopilots_us = telemetry.others_us = INT64_MIN;
+    telemetry.latest_us = INT64_MIN;
     vehicle_init(&telemetry.vehicle);
     belief_reset(&telemetry.belief);
     return &telemetry;
@@ -184,113 +164,58 @@ static void take_odid(struct telemetry *telemetry, const mavlink_message_t *mess
     }
 }
 
-/* The same autopilot under another number: what was learnt of it stands. */
-static bool is_renamed(const struct telemetry *telemetry, uint8_t system_id, int64_t now_us)
-{
-    const struct renamed *renamed = &telemetry->renamed;
+/* ---- an autopilot under another number ---- */
 
-    return system_id != 0 && renamed->system == system_id &&
-           renamed->same_clock >= (renamed->same_numbers ? 1 : RENAMED_CLOCK_ALONE) &&
-           now_us - telemetry->latest_us >= RENAMED_US;
+/* A checksum is made to order: it is the octets that tell. */
+static bool same_frame(const mavlink_message_t *a, const mavlink_message_t *b)
+{
+    return a->sysid == b->sysid && a->seq == b->seq && a->msgid == b->msgid && a->len == b->len &&
+           memcmp(a->payload64, b->payload64, a->len) == 0;
 }
 
-enum clock_is { CLOCK_UNTOLD, CLOCK_SAME, CLOCK_ANOTHER };
-
-static enum clock_is told_clock(const struct telemetry *telemetry, const mavlink_message_t *message,
-                                int64_t now_us)
+static enum belief_clock_is told_clock(const struct telemetry *telemetry,
+                                       const mavlink_message_t *message, int64_t now_us)
 {
     struct telemetry_update update;
     uint32_t boot_ms;
 
     if (!telemetry_plain_read(message, &update)) {
-        return CLOCK_UNTOLD;
+        return BELIEF_CLOCK_NOT_KNOWN;
     }
     if (update.kind == TELEMETRY_GLOBAL_POSITION) {
         boot_ms = update.global_position.boot_ms;
     } else if (update.kind == TELEMETRY_SYSTEM_TIME) {
         boot_ms = update.system_time.boot_ms;
     } else {
-        return CLOCK_UNTOLD;
+        return BELIEF_CLOCK_NOT_KNOWN;
     }
-    return belief_clock_goes_on(&telemetry->belief, boot_ms, now_us) ? CLOCK_SAME : CLOCK_ANOTHER;
+    return belief_clock_is(&telemetry->belief, boot_ms, now_us);
 }
 
-static bool is_next(uint8_t sequence, const mavlink_message_t *message)
+/* A frame of another system's autopilot, on the vehicle's line. */
+static void watch_kin(struct telemetry *telemetry, const mavlink_message_t *message, int64_t now_us)
 {
-    uint8_t step = (uint8_t)(message->seq - sequence);
-
-    return step >= 1 && step <= RENAMED_LOST_MAX;
-}
-
-/* A frame of another system's autopilot: is it the vehicle's next one? Its id may be changed more
- * than once: then each goes on where the one before it ended. */
-static void watch_renamed(struct telemetry *telemetry, const mavlink_message_t *message,
-                          int64_t now_us)
-{
-    struct renamed *renamed = &telemetry->renamed;
-    bool alive = renamed->system != 0 && now_us - renamed->heard_us < RENAMED_SILENT_US;
-    bool known = alive && renamed->system == message->sysid;
-    bool goes_on = alive && !renamed->returned;
-    bool recent = goes_on ? renamed->same_numbers : now_us - telemetry->latest_us < RENAMED_US;
-    bool follows = recent && is_next(goes_on ? renamed->sequence : telemetry->latest.seq, message);
-    enum clock_is clock = told_clock(telemetry, message, now_us);
-
-    if (known && renamed->returned && !follows && is_next(renamed->sequence, message)) {
-        follows = renamed->apart = true; /* it didn't return: somebody had copied its numbers */
-    }
-    if (!known && !follows && (alive || clock != CLOCK_SAME)) {
-        return; /* beside one that does, or a neighbour */
-    }
-    if (clock == CLOCK_ANOTHER) {
-        renamed->system = known ? 0 : renamed->system;
-        return;
-    }
-    renamed->same_clock = (alive ? renamed->same_clock : 0) + (clock == CLOCK_SAME);
-    renamed->apart = alive && renamed->apart;
-    renamed->returned = false;
-    renamed->same_numbers = follows;
-    renamed->system = message->sysid;
-    renamed->sequence = message->seq;
-    renamed->heard_us = now_us;
-}
-
-/* It goes on under another number, and somebody else under its own. */
-static bool is_renamed_for_sure(const struct telemetry *telemetry, int64_t now_us)
-{
-    const struct renamed *renamed = &telemetry->renamed;
-
-    return renamed->system != 0 && renamed->same_numbers && renamed->apart &&
-           renamed->same_clock >= RENAMED_FOR_SURE &&
-           now_us - renamed->heard_us < RENAMED_SILENT_US;
-}
-
-/* A frame under the vehicle's own number. Whose number goes on is the vehicle, and a neighbour's
- * was the same by chance. */
-static void watch_old_number(struct telemetry *telemetry, const mavlink_message_t *message,
-                             int64_t now_us)
-{
-    struct renamed *renamed = &telemetry->renamed;
-    bool alive = now_us - renamed->heard_us < RENAMED_SILENT_US;
-
-    if (!renamed->same_numbers || (!renamed->apart && is_next(telemetry->latest.seq, message) &&
-                                   !(renamed->returned && alive))) {
-        renamed->system = 0;
-    } else if (!renamed->apart && alive &&
-               (renamed->returned || is_next(renamed->sequence, message))) {
-        renamed->returned = true; /* its number was changed back */
-    } else {
-        renamed->apart = true;
-    }
-    if (is_renamed_for_sure(telemetry, now_us)) {
-        belief_another_speaks(&telemetry->belief, now_us);
+    if (kin_hear(&telemetry->kin, message->sysid, told_clock(telemetry, message, now_us), now_us)) {
+        belief_sequence(&telemetry->belief, message->seq, same_frame(message, &telemetry->latest),
+                        now_us);
+        telemetry->latest = *message;
     }
 }
 
-static void rename_vehicle(struct telemetry *telemetry, uint8_t system_id)
+/* The same autopilot, and what was learnt of it stands. */
+static bool is_renamed(const struct telemetry *telemetry, uint8_t system, int64_t now_us)
 {
-    vehicle_rename(&telemetry->vehicle, system_id);
-    telemetry->renamed.system = 0;
-    belief_new_link(&telemetry->belief);
+    return telemetry->latest_us != INT64_MIN && now_us - telemetry->latest_us >= RENAMED_US &&
+           kin_is_only(&telemetry->kin, system, now_us);
+}
+
+static void rename_vehicle(struct telemetry *telemetry, uint8_t system)
+{
+    telemetry->nameless = system == 0;
+    if (system != 0) {
+        vehicle_rename(&telemetry->vehicle, system);
+    }
+    telemetry->kin = (struct kin){0};
 }
 
 static void hear_autopilot(struct telemetry *telemetry, int64_t now_us)
@@ -338,6 +263,8 @@ static void take_heartbeat(struct telemetry *telemetry, const mavlink_message_t 
     case VEHICLE_NEW:
         update.heartbeat.new_vehicle = known;
         belief_reset(&telemetry->belief);
+        telemetry->latest_us = INT64_MIN;
+        telemetry->nameless = false;
         telemetry->identified = telemetry->authenticated = false;
         break;
     default:
@@ -352,11 +279,21 @@ static void take_heartbeat(struct telemetry *telemetry, const mavlink_message_t 
     telemetry->deliver(telemetry->context, &update, now_us);
 }
 
-/* A checksum is made to order: it is the octets that tell. */
-static bool same_frame(const mavlink_message_t *a, const mavlink_message_t *b)
+static void take_autopilots(struct telemetry *telemetry, unsigned stream,
+                            const mavlink_message_t *message, int64_t now_us)
 {
-    return a->seq == b->seq && a->msgid == b->msgid && a->len == b->len &&
-           memcmp(a->payload64, b->payload64, a->len) == 0;
+    if (telemetry->vehicle_stream != (int)stream) {
+        belief_new_link(&telemetry->belief);
+    }
+    telemetry->signs = message->incompat_flags & MAVLINK_IFLAG_SIGNED;
+    if (message->msgid != MAVLINK_MSG_ID_HEARTBEAT) {
+        vehicle_speaks(&telemetry->vehicle, now_us);
+    }
+    belief_sequence(&telemetry->belief, message->seq, same_frame(message, &telemetry->latest),
+                    now_us);
+    telemetry->latest = *message;
+    telemetry->latest_us = now_us;
+    telemetry->vehicle_stream = (int)stream;
 }
 
 static void take_frame(struct telemetry *telemetry, unsigned stream,
@@ -364,15 +301,6 @@ static void take_frame(struct telemetry *telemetry, unsigned stream,
 {
     struct telemetry_update update;
 
-    if (message->compid == MAV_COMP_ID_AUTOPILOT1) {
-        hear_autopilot(telemetry, now_us);
-        /* Not by its HEARTBEAT alone: who gives it the number can take that away. */
-        if (is_renamed(telemetry, message->sysid, now_us)) {
-            rename_vehicle(telemetry, message->sysid);
-        }
-    } else {
-        telemetry->others_us = now_us;
-    }
     if (message->compid >= TELEMETRY_COMPONENT_ODID &&
         message->compid < TELEMETRY_COMPONENT_ODID + 3) {
         telemetry->counters.other_transmitter++;
@@ -390,24 +318,34 @@ static void take_frame(struct telemetry *telemetry, unsigned stream,
         telemetry->counters.frames += deliver_believed(telemetry, &update, now_us);
     }
     if (from_autopilot(telemetry, message)) {
-        if (telemetry->vehicle_stream != (int)stream) {
-            belief_new_link(&telemetry->belief);
-        }
-        telemetry->signs = message->incompat_flags & MAVLINK_IFLAG_SIGNED;
-        if (message->msgid != MAVLINK_MSG_ID_HEARTBEAT) {
-            vehicle_speaks(&telemetry->vehicle, now_us);
-        }
-        belief_sequence(&telemetry->belief, message->seq, same_frame(message, &telemetry->latest),
-                        now_us);
-        watch_old_number(telemetry, message, now_us);
-        telemetry->latest = *message;
-        telemetry->latest_us = now_us;
-        telemetry->vehicle_stream = (int)stream;
-    } else if (message->compid == MAV_COMP_ID_AUTOPILOT1 && message->sysid != 0 &&
-               telemetry->vehicle_stream == (int)stream &&
-               telemetry->latest.sysid == telemetry->vehicle.system) {
-        watch_renamed(telemetry, message, now_us);
+        take_autopilots(telemetry, stream, message, now_us);
+    } else if (message->compid == MAV_COMP_ID_AUTOPILOT1 && telemetry->latest_us != INT64_MIN &&
+               telemetry->vehicle_stream == (int)stream) {
+        watch_kin(telemetry, message, now_us);
     }
+}
+
+/* Whose it is; not by a HEARTBEAT alone: who gives an autopilot another number can take that away.
+ */
+static void hear_frame(struct telemetry *telemetry, unsigned stream,
+                       const mavlink_message_t *message, int64_t now_us)
+{
+    mavlink_message_t named;
+
+    if (message->compid != MAV_COMP_ID_AUTOPILOT1) {
+        telemetry->others_us = now_us;
+    } else {
+        hear_autopilot(telemetry, now_us);
+        if (is_renamed(telemetry, message->sysid, now_us)) {
+            rename_vehicle(telemetry, message->sysid);
+        }
+    }
+    if (message->compid == MAV_COMP_ID_AUTOPILOT1 && message->sysid == 0 && telemetry->nameless) {
+        named = *message;
+        named.sysid = telemetry->vehicle.system;
+        message = &named;
+    }
+    take_frame(telemetry, stream, message, now_us);
 }
 
 /* Of which stream, and when: what the frames of one call have in common. */
@@ -421,7 +359,7 @@ static void on_frame(void *context, const mavlink_message_t *message)
 {
     const struct arrival *arrival = context;
 
-    take_frame(arrival->telemetry, arrival->stream, message, arrival->now_us);
+    hear_frame(arrival->telemetry, arrival->stream, message, arrival->now_us);
 }
 
 void telemetry_receive(struct telemetry *telemetry, unsigned stream, const uint8_t *bytes,
@@ -461,8 +399,7 @@ bool telemetry_vehicle_settled(const struct telemetry *telemetry)
 
 bool telemetry_vehicle_speaks(const struct telemetry *telemetry, int64_t now_us)
 {
-    return from_autopilot(telemetry, &telemetry->latest) &&
-           aircraft_fresh(telemetry->latest_us, now_us);
+    return telemetry->vehicle.system != 0 && aircraft_fresh(telemetry->latest_us, now_us);
 }
 
 bool telemetry_only_others_speak(const struct telemetry *telemetry, int64_t now_us)

@@ -555,12 +555,25 @@ static void in_flight_no_other_vehicle_takes_its_place(void **state)
     assert_int_equal(feed(autopilot_heartbeat(VEHICLE)), 1);
 }
 
+/* With a clock that began so much earlier than the vehicle's. */
+static struct frame position_of(uint8_t system, int earlier_ms)
+{
+    mavlink_global_position_int_t position = {.time_boot_ms = 100000 + (uint32_t)(now_us / 1000) +
+                                                              (uint32_t)earlier_ms,
+                                              .lat = 577089000,
+                                              .lon = -119746000,
+                                              .alt = 120500,
+                                              .relative_alt = 100250};
+
+    return frame_global_position_int(system, AUTOPILOT, &position);
+}
+
 static void speaks(uint8_t system, unsigned times, int64_t every_us)
 {
     for (unsigned i = 0; i < times; i++) {
         now_us += every_us;
         feed(autopilot_heartbeat(system));
-        feed(some_position(system, AUTOPILOT));
+        feed(position_of(system, 0));
     }
 }
 
@@ -573,13 +586,13 @@ static void an_autopilot_with_another_number_is_the_same(void **state)
     for (unsigned i = 0; i < 3; i++) {
         now_us += SECOND;
         assert_int_equal(feed(autopilot_heartbeat(OTHER_VEHICLE)), i < 2 ? 0 : 1);
-        assert_int_equal(feed(some_position(OTHER_VEHICLE, AUTOPILOT)), i < 2 ? 0 : 1);
+        assert_int_equal(feed(position_of(OTHER_VEHICLE, 0)), i < 2 ? 0 : 1);
     }
     now_us += SECOND;
     assert_int_equal(feed(autopilot_heartbeat(OTHER_VEHICLE)), 1);
     assert_false(latest()->heartbeat.new_vehicle);
     assert_false(latest()->heartbeat.doubtful);
-    assert_int_equal(feed(some_position(OTHER_VEHICLE, AUTOPILOT)), 1);
+    assert_int_equal(feed(position_of(OTHER_VEHICLE, 0)), 1);
     assert_int_equal(telemetry_vehicle(telemetry), OTHER_VEHICLE);
     assert_false(telemetry_contradicted(telemetry, now_us));
 }
@@ -591,7 +604,7 @@ static void it_is_the_same_without_its_heartbeat_as_well(void **state)
     speaks(VEHICLE, 25, SECOND / 5);
     for (unsigned i = 1; i <= 25; i++) {
         now_us += SECOND / 5;
-        assert_int_equal(feed(some_position(OTHER_VEHICLE, AUTOPILOT)), i < 15 ? 0 : 1);
+        assert_int_equal(feed(position_of(OTHER_VEHICLE, 0)), i < 15 ? 0 : 1);
     }
     assert_int_equal(telemetry_vehicle(telemetry), OTHER_VEHICLE);
     assert_true(telemetry_vehicle_speaks(telemetry, now_us)); /* so it is asked for it */
@@ -644,7 +657,7 @@ static void a_neighbour_is_not_the_same_under_another_number(void **state)
             }
             feed(autopilot_heartbeat(OTHER_VEHICLE));
             feed(how < 2 ? frame_global_position_int(OTHER_VEHICLE, AUTOPILOT, &position)
-                         : some_position(OTHER_VEHICLE, AUTOPILOT));
+                         : position_of(OTHER_VEHICLE, 0));
         }
         assert_int_equal(telemetry_vehicle(telemetry), VEHICLE);
         assert_false(telemetry_contradicted(telemetry, now_us));
@@ -656,44 +669,119 @@ static void a_neighbour_is_not_the_same_under_another_number(void **state)
     (mavlink_get_channel_status(MAVLINK_COMM_0)->current_tx_seq = (number)++, frame)
 
 /* Switched on in the same second, with numbers that follow the vehicle's now and then. */
-static void nor_is_one_with_the_same_clock(void **state)
+static void nor_is_one_that_was_switched_on_with_it(void **state)
 {
-    uint8_t own = 250, others = 0;
+    for (int early_ms = -300; early_ms <= 300; early_ms += 600) {
+        uint8_t own = 250, others = 0;
 
+        setup(state);
+        for (unsigned i = 0; i < 300; i++) {
+            now_us += SECOND / 5;
+            feed(NUMBERED(own, position_of(VEHICLE, 0)));
+            if (i % 5 == 0) {
+                feed(NUMBERED(own, autopilot_heartbeat(VEHICLE)));
+            }
+            if (i % 2 == 0) {
+                feed(NUMBERED(others, position_of(OTHER_VEHICLE, early_ms)));
+            }
+            assert_false(telemetry_contradicted(telemetry, now_us));
+        }
+        assert_int_equal(telemetry_vehicle(telemetry), VEHICLE);
+    }
+}
+
+/* Nor after a long silence of the vehicle's, when that clock could have come so far by then. */
+static void nor_is_one_that_was_switched_on_later(void **state)
+{
     (void)state;
-    for (unsigned i = 0; i < 300; i++) {
+    speaks(VEHICLE, 25, SECOND / 5);
+    now_us += 30 * SECOND;
+    for (unsigned i = 0; i < 50; i++) {
         now_us += SECOND / 5;
-        feed(NUMBERED(own, some_position(VEHICLE, AUTOPILOT)));
-        if (i % 5 == 0) {
-            feed(NUMBERED(own, autopilot_heartbeat(VEHICLE)));
-        }
-        if (i % 2 == 0) {
-            feed(NUMBERED(others, some_position(OTHER_VEHICLE, AUTOPILOT)));
-        }
-        assert_false(telemetry_contradicted(telemetry, now_us));
+        feed(position_of(OTHER_VEHICLE, -20000));
+        feed(disarmed_heartbeat(OTHER_VEHICLE));
     }
     assert_int_equal(telemetry_vehicle(telemetry), VEHICLE);
 }
 
-/* The autopilot is given another number, and somebody speaks on under the old one: the clock is
- * copied, and its numbers on that line nobody else knows. */
+/* The autopilot is given another number (0 is nobody's, and it takes it), and somebody speaks on
+ * under the old one: with its clock, and numbers of his own, as fast as it or slower; the first one
+ * is the autopilot's next one, or is in its row before the autopilot has its new number. */
 static void who_speaks_on_under_the_old_number_is_found_out(void **state)
 {
-    uint8_t own, forged = 100;
+    static const uint8_t systems[] = {OTHER_VEHICLE, 0};
 
-    (void)state;
-    speaks(VEHICLE, 25, SECOND / 5);
-    own = mavlink_get_channel_status(MAVLINK_COMM_0)->current_tx_seq;
-    forged = (uint8_t)(own + 100);
-    for (unsigned i = 0; i < 50; i++) {
-        now_us += SECOND / 5;
-        feed(NUMBERED(own, some_position(OTHER_VEHICLE, AUTOPILOT)));
-        feed(NUMBERED(forged, some_position(VEHICLE, AUTOPILOT)));
-        if (i % 5 == 0) {
+    for (unsigned how = 0; how < 16; how++) {
+        uint8_t system = systems[how & 1];
+        unsigned every = how & 2 ? 8 : 1;
+        uint8_t own, forged;
+
+        setup(state);
+        speaks(VEHICLE, 25, SECOND / 5);
+        own = mavlink_get_channel_status(MAVLINK_COMM_0)->current_tx_seq;
+        forged = (uint8_t)(own + (how & 4 ? 100 : 0));
+        for (unsigned i = 0; how & 8 && i < 4; i++) {
+            forged += 7;
             feed(NUMBERED(forged, autopilot_heartbeat(VEHICLE)));
         }
-        assert_true(i < 20 || telemetry_contradicted(telemetry, now_us));
+        for (unsigned i = 0; i < 100; i++) {
+            now_us += SECOND / 5;
+            feed(NUMBERED(own, position_of(system, 0)));
+            if (i % every == 0) {
+                feed(NUMBERED(forged, position_of(VEHICLE, 0)));
+            }
+            assert_true(i < 60 || telemetry_contradicted(telemetry, now_us));
+        }
+        assert_int_equal(telemetry_vehicle(telemetry), VEHICLE);
     }
+}
+
+/* There was no position for the rest of the flight. */
+static void an_autopilot_without_a_number_is_the_same(void **state)
+{
+    (void)state;
+    speaks(VEHICLE, 25, SECOND / 5);
+    speaks(0, 15, SECOND / 5);
+    for (unsigned i = 0; i < 25; i++) {
+        now_us += SECOND / 5;
+        assert_int_equal(feed(position_of(0, 0)), 1);
+        assert_int_equal(feed(autopilot_heartbeat(0)), 1);
+    }
+    assert_int_equal(telemetry_vehicle(telemetry), VEHICLE); /* so it is still spoken to */
+    assert_true(telemetry_vehicle_speaks(telemetry, now_us));
+    speaks(VEHICLE, 25, SECOND / 5);
+    assert_int_equal(feed(position_of(VEHICLE, 0)), 1);
+    assert_false(telemetry_contradicted(telemetry, now_us));
+}
+
+/* One of them is forged, or a neighbour, and nobody knows which. */
+static void of_two_that_might_be_it_neither_is(void **state)
+{
+    (void)state;
+    speaks(VEHICLE, 25, SECOND / 5);
+    for (unsigned i = 0; i < 50; i++) {
+        speaks(OTHER_VEHICLE, 1, SECOND / 10);
+        speaks(OTHER_VEHICLE + 1, 1, SECOND / 10);
+        assert_int_equal(telemetry_vehicle(telemetry), VEHICLE);
+    }
+    speaks(OTHER_VEHICLE, 10, SECOND / 5);
+    assert_int_equal(telemetry_vehicle(telemetry), OTHER_VEHICLE);
+}
+
+/* What it was called for a while is nobody's name of old: a neighbour may have it, minutes later.
+ */
+static void what_it_was_called_for_a_while_is_forgotten(void **state)
+{
+    (void)state;
+    speaks(VEHICLE, 25, SECOND / 5);
+    for (unsigned i = 0; i < 25; i++) {
+        speaks(OTHER_VEHICLE, 1, SECOND / 10);
+        speaks(VEHICLE, 1, SECOND / 10);
+    }
+    speaks(VEHICLE, 300, SECOND / 5);
+    now_us += 4 * SECOND;
+    feed(position_of(OTHER_VEHICLE, -7000));
+    feed(autopilot_heartbeat(OTHER_VEHICLE));
     assert_int_equal(telemetry_vehicle(telemetry), VEHICLE);
 }
 
@@ -724,10 +812,10 @@ static void nor_does_it_help_to_copy_its_numbers(void **state)
         own = mavlink_get_channel_status(MAVLINK_COMM_0)->current_tx_seq;
         for (unsigned i = 0; i < 50; i++) {
             now_us += SECOND / 5;
-            feed(NUMBERED(own, some_position(OTHER_VEHICLE, AUTOPILOT)));
+            feed(NUMBERED(own, position_of(OTHER_VEHICLE, 0)));
             forged = own;
             for (unsigned frame = 0; frame < frames; frame++) {
-                feed(NUMBERED(forged, some_position(VEHICLE, AUTOPILOT)));
+                feed(NUMBERED(forged, position_of(VEHICLE, 0)));
             }
             if (i % 5 == 0) {
                 feed(NUMBERED(forged, autopilot_heartbeat(VEHICLE)));
@@ -889,7 +977,11 @@ int main(void)
         cmocka_unit_test_setup(it_is_the_same_without_its_heartbeat_as_well, setup),
         cmocka_unit_test_setup(it_is_the_same_whatever_happens_meanwhile, setup),
         cmocka_unit_test_setup(a_neighbour_is_not_the_same_under_another_number, setup),
-        cmocka_unit_test_setup(nor_is_one_with_the_same_clock, setup),
+        cmocka_unit_test_setup(nor_is_one_that_was_switched_on_with_it, setup),
+        cmocka_unit_test_setup(nor_is_one_that_was_switched_on_later, setup),
+        cmocka_unit_test_setup(an_autopilot_without_a_number_is_the_same, setup),
+        cmocka_unit_test_setup(of_two_that_might_be_it_neither_is, setup),
+        cmocka_unit_test_setup(what_it_was_called_for_a_while_is_forgotten, setup),
         cmocka_unit_test_setup(who_speaks_on_under_the_old_number_is_found_out, setup),
         cmocka_unit_test_setup(one_that_gets_its_number_back_is_one, setup),
         cmocka_unit_test_setup(nor_does_it_help_to_copy_its_numbers, setup),
