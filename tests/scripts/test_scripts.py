@@ -1289,28 +1289,47 @@ def test_what_is_asked_and_answered_by_a_cable_is_no_line_in_the_log_each_time(a
     assert "odid: eth0 has the address 10.20.0.3/24" in said and "udhcpc" not in said
 
 
+@pytest.fixture
+def adapter(appliance):
+    """What serves an adapter, with its programs noted; usb0 is the ground station's."""
+    appliance.settings(ground_station__interface="usb0")
+    appliance.write("run/odid-appliance/firewall", "9\n")
+    appliance.write("usr/bin/udhcpc", "#!/bin/sh\necho udhcpc >>/calls\n")
+    appliance.write("usr/bin/ip", NOTES)
+    for program in ("udhcpc", "ip"):
+        (appliance.root / "usr/bin" / program).chmod(0o755)
+    appliance.change("etc/sv/udhcpc/run", ("/proc/sys", "/proc-sys"), ("ip link", "/usr/bin/ip link"), ("exec udhcpc", "exec /usr/bin/udhcpc"))
+    return appliance
+
+
+def serve_adapter(appliance, interface, meanwhile):
+    """meanwhile: what is done in place of a pause."""
+    appliance.write(f"sys/class/net/{interface}/ifindex", "9\n")
+    appliance.change("etc/sv/udhcpc/run", ("pause 2", f"{{ echo waits >>/calls; {meanwhile}; }}"))
+    appliance.must(f"mkdir -p /proc-sys/net/ipv4/conf/{interface} /run/service/udhcpc-{interface} && "
+                   f"cp /etc/sv/udhcpc/run /run/service/udhcpc-{interface}/ && cd /run/service/udhcpc-{interface} && ./run")
+
+
 @pytest.mark.parametrize("interface, armed, uptime_s, waits", [
     ("usb1", "armed once 1 said", 90, True), ("usb1", "disarmed once 1 said", 90, False), ("usb0", "armed once 1 said", 90, False),
     ("usb1", "disarmed never 0 unheard", 90, False), ("usb1", "disarmed once 1 silent", 90, True), ("usb1", "disarmed never 0 awaited", 90, True),
     ("usb1", "disarmed never 0 awaited", 30, False),  # the only way in, and the autopilot is dead
     ("usb1", "armed never 1 said", 30, True), ("usb1", "unknown never 0 unheard", 30, True)])
-def test_in_the_air_no_adapter_is_switched_on_but_the_ground_station_s(appliance, interface, armed, uptime_s, waits):
+def test_in_the_air_no_adapter_is_switched_on_but_the_ground_station_s(adapter, interface, armed, uptime_s, waits):
     """One that answers nothing holds the kernel's network lock for minutes, and hostapd's beacons wait for that."""
-    appliance.change("lib/odid/functions", ("read -r uptime _ </proc/uptime", f"uptime={uptime_s}.5"))
-    appliance.settings(ground_station__interface="usb0")
-    appliance.write("armed", armed + "\n")
-    appliance.write("run/odid-appliance/firewall", "9\n")
-    appliance.write(f"sys/class/net/{interface}/ifindex", "9\n")
-    appliance.write("usr/bin/udhcpc", "#!/bin/sh\necho udhcpc >>/calls\n")
-    appliance.write("usr/bin/ip", NOTES)
-    for program in ("udhcpc", "ip"):
-        (appliance.root / "usr/bin" / program).chmod(0o755)
-    appliance.change("etc/sv/udhcpc/run", ("/proc/sys", "/proc-sys"), ("ip link", "/usr/bin/ip link"), ("exec udhcpc", "exec /usr/bin/udhcpc"),
-                     ("pause 2", "{ echo waits >>/calls; exit; }"))
-    appliance.must(f"mkdir -p /proc-sys/net/ipv4/conf/{interface} /run/service/udhcpc-{interface} && "
-                   f"cp /etc/sv/udhcpc/run /run/service/udhcpc-{interface}/ && cd /run/service/udhcpc-{interface} && ./run")
-    assert appliance.calls() == (["waits"] if waits else [f"ip link set {interface} up", "udhcpc"])
-    assert ("is switched on when" in (appliance.fault(f"adapter-{interface}") or "")) == waits
+    adapter.change("lib/odid/functions", ("read -r uptime _ </proc/uptime", f"uptime={uptime_s}.5"))
+    adapter.write("armed", armed + "\n")
+    serve_adapter(adapter, interface, "exit")
+    assert adapter.calls() == (["waits"] if waits else [f"ip link set {interface} up", "udhcpc"])
+    assert ("is switched on when" in (adapter.fault(f"adapter-{interface}") or "")) == waits
+
+
+def test_one_that_waits_is_switched_on_when_it_becomes_the_ground_station_s(adapter):
+    """Saved, and in effect, it said; and it stayed off."""
+    adapter.change("lib/odid/functions", ("read -r uptime _ </proc/uptime", "uptime=90.5"))
+    adapter.write("armed", "armed once 1 said\n")
+    serve_adapter(adapter, "usb1", "sed -i s/=usb0/=usb1/ /settings; [ \"$(grep -c waits /calls)\" -lt 5 ] || exit")
+    assert adapter.calls() == ["waits", "ip link set usb1 up", "udhcpc"] and adapter.fault("adapter-usb1") is None
 
 
 def test_a_network_that_overlapped_is_asked_for_again_when_the_other_has_gone(appliance):
