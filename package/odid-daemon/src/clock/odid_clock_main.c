@@ -131,32 +131,35 @@ static int set_at_boot(void)
 
 /* ---- as a service ---- */
 
-/* Before anybody has told the time the later one stands: /data may have come after the start. */
-static bool is_older(void)
+static void note_known(void)
+{
+    self.known_us = time_us(CLOCK_REALTIME);
+    self.known_at_us = time_us(CLOCK_MONOTONIC);
+}
+
+/* Before anybody has told the time the later one counts: /data may have come after the start. */
+static void catch_up(void)
 {
     int64_t saved_us;
 
-    return !self.was_set && clock_file_read(self.places.clock, &saved_us) == 0 &&
-           saved_us > time_us(CLOCK_REALTIME);
+    if (!self.was_set && !self.dry_run && clock_file_read(self.places.clock, &saved_us) == 0 &&
+        saved_us > time_us(CLOCK_REALTIME) &&
+        set_clock(saved_us, "the last saved time, which came late") == 0) {
+        note_known();
+    }
 }
 
 static void save(void)
 {
-    int result = self.dry_run || is_older()
-                     ? 0
-                     : clock_file_save(self.places.clock, time_us(CLOCK_REALTIME));
+    int result;
 
+    catch_up();
+    result = self.dry_run ? 0 : clock_file_save(self.places.clock, time_us(CLOCK_REALTIME));
     if (result < 0 && result != self.save_error) {
         log_warning("can't save the time to %s: %s", self.places.clock, strerror(-result));
     }
     self.save_error = result;
     self.save_us = time_us(CLOCK_MONOTONIC) + SAVE_EVERY_US;
-}
-
-static void note_known(void)
-{
-    self.known_us = time_us(CLOCK_REALTIME);
-    self.known_at_us = time_us(CLOCK_MONOTONIC);
 }
 
 /*
@@ -233,6 +236,7 @@ static int follow_autopilot(void)
     self.save_us = time_us(CLOCK_MONOTONIC) + SAVE_EVERY_US;
     note_known();
     do {
+        catch_up();
         pause.tv_sec = look_at_autopilot() ? LOOK_AGAIN_S : ASK_AGAIN_S;
         if (time_us(CLOCK_MONOTONIC) >= self.save_us) { /* since then it was not set */
             save();
