@@ -2137,6 +2137,14 @@ def test_a_late_disk_that_cannot_be_repaired_is_read_all_the_same(in_memory, old
         assert in_memory.read("data/odid/odid.conf") == old and "save it again" in in_memory.fault("settings")
 
 
+def test_a_power_cut_after_a_disk_was_made_anew_is_no_first_start(in_memory):
+    """Before what was set is on it: it was, nothing was said, and CONFIG's old identity was in force."""
+    in_memory.write("usr/bin/e2fsck", "#!/bin/sh\nexit 8\n")
+    mend(in_memory, played="""mke2fs() { while [ "$1" != -d ]; do shift; done; cp -a "$2" /made; }\n""")
+    in_memory.must("rm -rf /data /run/mended/* /run/faults/*; mv /made /data; /etc/init.d/S30data")
+    assert "was set in /data is lost" in in_memory.fault("settings")
+
+
 def test_a_password_that_stayed_on_config_is_blanked_when_the_disk_is_there(in_memory):
     """It came back at the next power-on, over one that was set since."""
     in_memory.write("usr/bin/odidctl", NOTES)
