@@ -264,6 +264,7 @@ static void take_heartbeat(struct telemetry *telemetry, const mavlink_message_t 
         update.heartbeat.new_vehicle = known;
         belief_reset(&telemetry->belief);
         telemetry->latest_us = INT64_MIN;
+        telemetry->kin = (struct kin){0};
         telemetry->nameless = false;
         telemetry->identified = telemetry->authenticated = false;
         break;
