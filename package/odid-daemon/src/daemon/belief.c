@@ -45,11 +45,6 @@
 
 #define UTC_STEP_MAX_US 100000
 #define ONE_BATCH_US 20000 /* what came at once wasn't said at once */
-#define NUMBERS_USED 64.0
-#define NUMBERS_MIN_US 100000.0
-#define NUMBERS_MAX_US 5000000.0
-#define NUMBERS_LOST_MAX 8 /* between two frames, or used for others */
-#define PACE_S 10.0
 
 void belief_reset(struct belief *belief)
 {
@@ -508,81 +503,15 @@ bool belief_take(struct belief *belief, struct telemetry_update *update, int64_t
     }
 }
 
-/* ---- numbers ---- */
-
-static int64_t window_us(const struct belief_numbers *numbers)
-{
-    double us = numbers->per_s > 0 ? NUMBERS_USED / numbers->per_s * 1e6 : NUMBERS_MIN_US;
-
-    return (int64_t)fmin(fmax(us, NUMBERS_MIN_US), NUMBERS_MAX_US);
-}
-
-static void learn_pace(struct belief_numbers *numbers, uint8_t sequence, int64_t now_us)
-{
-    double step = (uint8_t)(sequence - numbers->last);
-    double seconds = fmax((double)(now_us - numbers->last_us), 1) * 1e-6;
-
-    numbers->per_s += (step / seconds - numbers->per_s) * fmin(seconds / PACE_S, 1);
-}
-
-/* One that was skipped, and comes behind the next: the way has changed their order. */
-static bool is_late(struct belief_numbers *numbers, uint8_t sequence)
-{
-    uint8_t behind = (uint8_t)(numbers->next_to - sequence);
-    bool late =
-        behind >= 1 && behind <= NUMBERS_LOST_MAX && (numbers->skipped >> (behind - 1) & 1) != 0;
-
-    if (late) {
-        numbers->skipped &= (uint8_t) ~(1U << (behind - 1));
-    }
-    return late;
-}
-
-static void follow_number(struct belief *belief, uint8_t sequence, bool again, int64_t now_us)
-{
-    struct belief_numbers *numbers = &belief->numbers;
-    uint8_t step = (uint8_t)(sequence - numbers->next_to);
-    bool next = step > 0 && step <= NUMBERS_LOST_MAX;
-
-    if (now_us - numbers->next_to_us < window_us(numbers)) {
-        if (is_late(numbers, sequence)) {
-            return;
-        }
-        /* A lap of one source goes forward all the way; where two take turns, one step goes back.
-         */
-        numbers->back = numbers->back || (uint8_t)(sequence - numbers->last) > INT8_MAX;
-        if (step == 0 ? !again && (!numbers->other || numbers->back)
-                      : next && numbers->other && numbers->back) {
-            contradict(belief, now_us);
-        }
-        if (!next) {
-            numbers->other = numbers->other || step != 0;
-            return;
-        }
-        numbers->skipped = (uint8_t)(numbers->skipped << step | ((1U << (step - 1)) - 1));
-    } else {
-        numbers->skipped = 0;
-    }
-    numbers->next_to = sequence;
-    numbers->next_to_us = now_us;
-    numbers->other = numbers->back = false;
-}
+/* ---- what else tells ---- */
 
 void belief_sequence(struct belief *belief, uint8_t sequence, bool again, int64_t now_us)
 {
-    struct belief_numbers *numbers = &belief->numbers;
-
-    if (!numbers->known) {
-        *numbers = (struct belief_numbers){
-            .known = true, .next_to = sequence, .next_to_us = now_us, .per_s = numbers->per_s};
-    } else {
-        follow_number(belief, sequence, again, now_us);
-        if (!belief_contradicted(belief, now_us)) { /* else the other one's steps count, too */
-            learn_pace(numbers, sequence, now_us);
-        }
+    if (frame_numbers_follow(&belief->numbers, sequence, again, now_us)) {
+        contradict(belief, now_us);
     }
-    numbers->last = sequence;
-    numbers->last_us = now_us;
+    /* Else the other one's steps count, too. */
+    frame_numbers_pass(&belief->numbers, sequence, !belief_contradicted(belief, now_us), now_us);
 }
 
 enum belief_clock_is belief_clock_is(const struct belief *belief, uint32_t boot_ms, int64_t now_us)

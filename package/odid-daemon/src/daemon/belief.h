@@ -19,6 +19,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "daemon/frame_numbers.h"
 #include "daemon/telemetry.h"
 
 /* So many contradictions within this time are a fault: no restart makes more than one. One who
@@ -53,19 +54,6 @@ struct belief_altitude {
     int64_t at_us; /* INT64_MIN: none */
 };
 
-/* Frames' sequence numbers. */
-struct belief_numbers {
-    bool known;
-    uint8_t next_to; /* the next one of the believed source follows this one ... */
-    int64_t next_to_us;
-    bool other;      /* ... and since then came one that doesn't, */
-    bool back;       /* and one that went back */
-    uint8_t skipped; /* of the last eight: bit 0 is next_to's predecessor */
-    uint8_t last;    /* whoever's */
-    int64_t last_us; /* when that came */
-    double per_s;    /* numbers used, by the last ten seconds or so */
-};
-
 struct belief {
     struct belief_clock boot, native; /* time since boot; native messages': since the full hour */
     struct belief_track place, utc, fix, geoid;
@@ -79,7 +67,7 @@ struct belief {
     double jump_m;               /* what it may still jump: fills up as fast as an aircraft flies */
     struct belief_place another; /* the last one that it can't have flown to; at_us 0: none */
     int64_t utc_offset_us;       /* UTC minus time since boot */
-    struct belief_numbers numbers;
+    struct frame_numbers numbers;
     int64_t contradicted_us[BELIEF_FAULT_COUNT]; /* the latest ones, by turns */
     uint64_t contradictions;
 };
@@ -94,17 +82,8 @@ void belief_reset(struct belief *belief);
  */
 bool belief_take(struct belief *belief, struct telemetry_update *update, int64_t now_us);
 
-/*
- * The number of a frame of the vehicle's autopilot. Frames are numbered one by
- * one; where two sources take turns, one goes on behind its own last number after
- * the other's came between, or uses a number that was just used: a contradiction.
- * So whoever forges has no number left that doesn't show. Numbers come round
- * after 256: they say so only as long as 64 can have been used, 100 ms to 5 s by
- * the pace at which they are (a log that is downloaded goes to others, and takes
- * most of them).
- *
- * again: it is the frame before, octet by octet.
- */
+/* The number of a frame of the vehicle's autopilot, or its kin's (frame_numbers.h).
+ * again: it is the frame before, octet by octet. */
 void belief_sequence(struct belief *belief, uint8_t sequence, bool again, int64_t now_us);
 
 /* The next frame comes by another link of the autopilot's, which has numbers of its own. */
