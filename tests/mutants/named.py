@@ -138,7 +138,7 @@ NAMED = (
     # --- what it says of itself --------------------------------------------------------
     Mutant("the pilot isn't told at once that it broke", "odid_daemon_main.c",
            "if (now_us >= self.tell_us || fault != self.told_fault) {", "if (now_us >= self.tell_us) {"),
-    Mutant("a channel that was lost counts as on the air", "health.c",
+    Mutant("a channel that was lost counts as on the air", "health_note.c",
            "return radio_seen(&input->radios[channel], now_us) == RADIO_ON_AIR;",
            "return radio_seen(&input->radios[channel], now_us) >= RADIO_ON_AIR;"),
     Mutant("a channel that stands still counts as on the air", "radio.c",
