@@ -33,6 +33,14 @@ def page(make_machine):
     return page
 
 
+def test_no_program_of_the_board_takes_the_technician_s_tries(page):
+    """One that was taken over kept the page shut, by Wi-Fi and by cable, with a few wrong passwords a second."""
+    for address in ("127.0.0.1", "192.168.41.1"):
+        for who, comes in (("mavlink", False), ("nobody", False), ("root", True)):
+            said = page.machine.run(f"chpst -u {who} wget -T 2 -O /dev/null http://{address}/ 2>&1").output
+            assert ("timed out" in said) != comes, (address, who, said)
+
+
 def test_the_page_is_there_in_maintenance_and_gone_when_armed(page):
     machine = page.machine
     assert page.ask("GET", "/")[0] == 200
