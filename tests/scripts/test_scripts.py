@@ -607,6 +607,11 @@ def test_a_cable_fills_nobody_s_table_of_neighbours(appliance):
         assert f"\t{answer} jump bounded\n" in rules
 
 
+def test_no_program_takes_the_technician_s_tries(appliance):
+    """The page was closed to everybody by Wi-Fi and by cable, and SSH as well."""
+    assert '\t\toif "lo" tcp dport { 22, 80 } meta skuid != "root" counter drop\n' in loaded(appliance)
+
+
 def test_only_mavlink_router_speaks_to_another_program(appliance):
     """Any process took its telemetry, and spoke as the daemon, by a datagram to its port; and hostapd from the daemon's own port at
     another one of lo's addresses. By lo's number: its name can be another interface's."""
@@ -618,7 +623,8 @@ def test_only_mavlink_router_speaks_to_another_program(appliance):
     assert 'add rule inet odid output meta skuid mavlink oif != lo oif != @way counter drop' in rules
     assert not re.search(r'[io]ifname[^\n]*\blo\b', rules)
     # And what a packet socket puts on lo has no way yet.
-    assert 'iif "lo" ip protocol udp rt ip nexthop >= 0.0.0.0 accept\n\t\tiif "lo" ip protocol udp counter drop\n' in rules
+    of_both = 'iif "lo" ip protocol { tcp, udp }'
+    assert f'{of_both} rt ip nexthop >= 0.0.0.0 accept\n\t\t{of_both} counter drop\n' in rules
     for outside in ("rt ip nexthop >= 0.0.0.0", "ip daddr 127.0.0.0/8", "ip saddr 127.0.0.0/8"):
         assert f"\t\t{outside} counter drop\n" in rules
     # Source routing changes where a packet goes after prerouting.
@@ -2137,12 +2143,23 @@ def test_a_late_disk_that_cannot_be_repaired_is_read_all_the_same(in_memory, old
         assert in_memory.read("data/odid/odid.conf") == old and "save it again" in in_memory.fault("settings")
 
 
-def test_a_power_cut_after_a_disk_was_made_anew_is_no_first_start(in_memory):
+@pytest.mark.parametrize("result", [1, 8])  # repaired, with nothing left; made anew
+def test_a_power_cut_after_a_disk_was_mended_is_no_first_start(in_memory, result):
     """Before what was set is on it: it was, nothing was said, and CONFIG's old identity was in force."""
-    in_memory.write("usr/bin/e2fsck", "#!/bin/sh\nexit 8\n")
-    mend(in_memory, played="""mke2fs() { while [ "$1" != -d ]; do shift; done; cp -a "$2" /made; }\n""")
-    in_memory.must("rm -rf /data /run/mended/* /run/faults/*; mv /made /data; /etc/init.d/S30data")
+    in_memory.must("rm -r /run/mended")
+    in_memory.write("usr/bin/e2fsck", f"#!/bin/sh\nexit {result}\n")
+    in_memory.change("lib/odid/mend-data", ("put_in_place $mended ||", "exit\nput_in_place $mended ||"))
+    mend(in_memory)
+    in_memory.must("rm -rf /data /run/faults/*; mv /run/mended /data; mkdir /run/mended; /etc/init.d/S30data")
     assert "was set in /data is lost" in in_memory.fault("settings")
+
+
+@pytest.mark.parametrize("before, lost", [("", False), ("mkdir /run/looked/secrets", True)])
+def test_a_late_disk_s_first_start_is_one(in_memory, before, lost):
+    """What was never set was said to be lost, at each power-on."""
+    in_memory.must(f"mkdir -p /run/looked; {before}")
+    mend(in_memory, "echo whole | /lib/odid/mend-data late '' ''", "mount_data() { cp -a /run/looked/. /data/; }\n")
+    assert (in_memory.fault("settings") is not None) == lost == in_memory.exists("data/odid/settings-lost")
 
 
 def test_a_password_that_stayed_on_config_is_blanked_when_the_disk_is_there(in_memory):
