@@ -236,8 +236,8 @@ def is_given_another_number(craft, message):
 
 
 def is_the_same_aircraft(heard):
-    """3 s until the old number is given up, and a HEARTBEAT's second."""
-    assert all(one.status == AIRBORNE for one in places(heard, 10 + 3 + 1 + 2 * LATE_S))
+    """A second until the old number is given up."""
+    assert all(one.status == AIRBORNE for one in places(heard, 10 + 1 + 2 * LATE_S))
     assert all(abs(one.message.timestamp_s - START_UNIX_S % 3600 - one.flight_s) < 0.6 for one in of(heard, Location, 15))
 
 

@@ -282,7 +282,7 @@ def test_one_that_speaks_on_under_another_number_has_not_said_that_it_is_disarme
     flight.fly(8)
     assert armed_word(flight) == "unsaid"
     # It is followed, and asked for its HEARTBEAT.
-    assert [mono for mono, message in flight.autopilot.asked if message == 0 and mono > START_US / 1e6 + 6]
+    assert [mono for mono, message in flight.autopilot.asked if message == 0 and mono > START_US / 1e6 + 5]
 
 
 def test_one_that_is_switched_off_disarmed_has_said_it(make_flight):

@@ -23,8 +23,8 @@
 /* ... and until the least delay is known: what was held up on the way comes at the beginning. */
 #define SETTLED_US 20000000
 #define UNSETTLED_AHEAD_US 1000000
-/* So near to what is believed a clock is the same; what is later may have been held up on the way,
- * for so long. */
+/* So near to the believed one another clock is the same; what is later may have been held up on the
+ * way, for so long. */
 #define SAME_US 200000
 #define HELD_UP_US 2000000
 
@@ -519,13 +519,13 @@ enum belief_clock_is belief_clock_is(const struct belief *belief, uint32_t boot_
     const struct belief_clock *clock = &belief->boot;
     int64_t step_ms = clock_step_ms(clock, boot_ms, 0);
     int64_t delay_us = delay_of_us(clock, step_ms, now_us);
-    int64_t drifted_us = drift_us(clock, now_us);
+    int64_t same_us = SAME_US + drift_us(clock, now_us);
 
-    if (!clock->track.known || !clock_fits(clock, step_ms, 0, now_us) ||
-        delay_us > HELD_UP_US + drifted_us) {
+    if (!clock->track.known || !clock_fits(clock, step_ms, 0, now_us) || delay_us < -same_us ||
+        delay_us > HELD_UP_US) {
         return BELIEF_CLOCK_ANOTHER;
     }
-    return llabs(delay_us) > SAME_US + drifted_us ? BELIEF_CLOCK_NOT_KNOWN : BELIEF_CLOCK_SAME;
+    return delay_us > same_us ? BELIEF_CLOCK_LATE : BELIEF_CLOCK_SAME;
 }
 
 void belief_new_link(struct belief *belief)

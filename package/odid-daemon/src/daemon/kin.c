@@ -27,33 +27,49 @@ static unsigned find(struct kin *kin, uint8_t system, int64_t now_us)
     return place;
 }
 
-bool kin_hear(struct kin *kin, uint8_t system, enum belief_clock_is clock, int64_t now_us)
+bool kin_hear(struct kin *kin, uint8_t system, enum kin_clock clock, int64_t now_us)
 {
     unsigned i = find(kin, system, now_us);
 
     if (i == KIN_MAX) {
         return false;
     }
-    if (clock == BELIEF_CLOCK_ANOTHER) {
+    if (clock == KIN_CLOCK_ANOTHER) {
         kin->of[i].same_clock = 0;
         return false;
     }
-    kin->of[i].same_clock += clock == BELIEF_CLOCK_SAME;
+    kin->of[i].begun_us = kin->of[i].same_clock == 0 ? now_us : kin->of[i].begun_us;
+    kin->of[i].same_clock += clock == KIN_CLOCK_SAME;
     kin->of[i].heard_us = now_us;
     return kin->of[i].same_clock >= SURE;
 }
 
-bool kin_is_only(const struct kin *kin, uint8_t system, int64_t now_us)
+static bool another_spoke_since(const struct kin *kin, unsigned it, int64_t now_us)
 {
-    bool is = false;
-
     for (unsigned i = 0; i < KIN_MAX; i++) {
-        if (is_alive(kin, i, now_us)) {
-            if (kin->of[i].system != system || kin->of[i].same_clock < SURE) {
-                return false;
-            }
-            is = true;
+        if (i != it && is_alive(kin, i, now_us) && kin->of[i].heard_us > kin->of[it].begun_us) {
+            return true;
         }
     }
-    return is;
+    return false;
+}
+
+bool kin_is_only(const struct kin *kin, uint8_t system, int64_t now_us)
+{
+    for (unsigned i = 0; i < KIN_MAX; i++) {
+        if (is_alive(kin, i, now_us) && kin->of[i].system == system) {
+            return !another_spoke_since(kin, i, now_us);
+        }
+    }
+    return false;
+}
+
+bool kin_speaks(const struct kin *kin, int64_t now_us)
+{
+    for (unsigned i = 0; i < KIN_MAX; i++) {
+        if (is_alive(kin, i, now_us)) {
+            return true;
+        }
+    }
+    return false;
 }

@@ -16,23 +16,29 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "daemon/belief.h"
-
 /* An id may be changed again before the one before it is forgotten. */
 #define KIN_MAX 4
 
 struct kin {
     struct {
         uint8_t system;
-        unsigned same_clock; /* so often in a row; 0: there is none */
-        int64_t heard_us;
+        unsigned same_clock; /* so often; 0: there is none */
+        int64_t begun_us, heard_us;
     } of[KIN_MAX];
 };
 
-/* A frame of that system's autopilot, and what it says of its clock. Is it kin? */
-bool kin_hear(struct kin *kin, uint8_t system, enum belief_clock_is clock, int64_t now_us);
+/* What a frame says of its sender's clock. */
+enum kin_clock { KIN_CLOCK_UNTOLD, KIN_CLOCK_ANOTHER, KIN_CLOCK_LATE, KIN_CLOCK_SAME };
 
-/* Is it kin, and no other one is? Of two that might be the vehicle, neither is. */
+/* A frame of that system's autopilot. Is it kin for sure, by two words of its clock? */
+bool kin_hear(struct kin *kin, uint8_t system, enum kin_clock clock, int64_t now_us);
+
+/* Is it kin by one word, and nobody else has been since it began? One whose id is changed again and
+ * again has one at a time; of two that speak beside each other neither is known to be the vehicle.
+ */
 bool kin_is_only(const struct kin *kin, uint8_t system, int64_t now_us);
+
+/* Does any speak? */
+bool kin_speaks(const struct kin *kin, int64_t now_us);
 
 #endif

@@ -158,9 +158,10 @@ static void gather(void *context, struct status_snapshot *snapshot, int64_t now_
 static void ask_vehicle(const struct aircraft_condition *condition, uint8_t vehicle, int64_t now_us)
 {
     struct asking_request request;
+    uint8_t addressee;
 
-    if (!telemetry_vehicle_speaks(self.telemetry, now_us)) {
-        return; /* it may be in its boot loader */
+    if (!telemetry_addressee(self.telemetry, now_us, &addressee)) {
+        return;
     }
     if (vehicle != self.asked_vehicle || condition->autopilot_restarts != self.asked_boot) {
         self.asked_vehicle = vehicle;
@@ -171,7 +172,7 @@ static void ask_vehicle(const struct aircraft_condition *condition, uint8_t vehi
     if (config()->request_rate &&
         asking_next(&self.asking, condition->apart || condition->altitude_apart, now_us,
                     &request)) {
-        pilot_ask_rate(&self.pilot, vehicle, request.message_id, request.interval_us);
+        pilot_ask_rate(&self.pilot, vehicle, addressee, request.message_id, request.interval_us);
     }
 }
 

@@ -12,7 +12,7 @@
 #include "mavlink/framing.h"
 
 /* The vehicle has taken another system id once its old one has been silent for so long. */
-#define RENAMED_US 3000000
+#define RENAMED_US 1000000
 
 struct telemetry {
     telemetry_fn *deliver;
@@ -33,6 +33,8 @@ struct telemetry {
     int64_t autopilots_us, others_us; /* any one's last frame, and of whoever is none; INT64_MIN */
     struct kin kin;                   /* whoever has the vehicle's clock */
     bool nameless;                    /* the vehicle's id is 0 by now, which is nobody's */
+    uint8_t other;    /* the system whose autopilot was heard last, but for the vehicle's, ... */
+    int64_t other_us; /* ... and when; INT64_MIN */
 };
 
 struct telemetry *telemetry_init(telemetry_fn *deliver, void *context)
@@ -44,7 +46,7 @@ struct telemetry *telemetry_init(telemetry_fn *deliver, void *context)
     telemetry.context = context;
     telemetry.vehicle_stream = -1;
     telemetry.first_us = telemetry.autopilots_us = telemetry.others_us = INT64_MIN;
-    telemetry.latest_us = INT64_MIN;
+    telemetry.latest_us = telemetry.other_us = INT64_MIN;
     vehicle_init(&telemetry.vehicle);
     belief_reset(&telemetry.belief);
     return &telemetry;
@@ -173,40 +175,30 @@ static bool same_frame(const mavlink_message_t *a, const mavlink_message_t *b)
            memcmp(a->payload64, b->payload64, a->len) == 0;
 }
 
-static enum belief_clock_is told_clock(const struct telemetry *telemetry,
-                                       const mavlink_message_t *message, int64_t now_us)
+static enum kin_clock told_clock(const struct telemetry *telemetry,
+                                 const mavlink_message_t *message, int64_t now_us)
 {
     struct telemetry_update update;
     uint32_t boot_ms;
 
     if (!telemetry_plain_read(message, &update)) {
-        return BELIEF_CLOCK_NOT_KNOWN;
+        return KIN_CLOCK_UNTOLD;
     }
     if (update.kind == TELEMETRY_GLOBAL_POSITION) {
         boot_ms = update.global_position.boot_ms;
     } else if (update.kind == TELEMETRY_SYSTEM_TIME) {
         boot_ms = update.system_time.boot_ms;
     } else {
-        return BELIEF_CLOCK_NOT_KNOWN;
+        return KIN_CLOCK_UNTOLD;
     }
-    return belief_clock_is(&telemetry->belief, boot_ms, now_us);
-}
-
-/* A frame of another system's autopilot, on the vehicle's line. */
-static void watch_kin(struct telemetry *telemetry, const mavlink_message_t *message, int64_t now_us)
-{
-    if (kin_hear(&telemetry->kin, message->sysid, told_clock(telemetry, message, now_us), now_us)) {
-        belief_sequence(&telemetry->belief, message->seq, same_frame(message, &telemetry->latest),
-                        now_us);
-        telemetry->latest = *message;
+    switch (belief_clock_is(&telemetry->belief, boot_ms, now_us)) {
+    case BELIEF_CLOCK_SAME:
+        return KIN_CLOCK_SAME;
+    case BELIEF_CLOCK_LATE:
+        return KIN_CLOCK_LATE;
+    default:
+        return KIN_CLOCK_ANOTHER;
     }
-}
-
-/* The same autopilot, and what was learnt of it stands. */
-static bool is_renamed(const struct telemetry *telemetry, uint8_t system, int64_t now_us)
-{
-    return telemetry->latest_us != INT64_MIN && now_us - telemetry->latest_us >= RENAMED_US &&
-           kin_is_only(&telemetry->kin, system, now_us);
 }
 
 static void rename_vehicle(struct telemetry *telemetry, uint8_t system)
@@ -216,6 +208,30 @@ static void rename_vehicle(struct telemetry *telemetry, uint8_t system)
         vehicle_rename(&telemetry->vehicle, system);
     }
     telemetry->kin = (struct kin){0};
+}
+
+/* A frame of another system's autopilot. Where the vehicle is silent, by whatever line: the program
+ * between may have been started anew meanwhile. */
+static void watch_other(struct telemetry *telemetry, unsigned stream,
+                        const mavlink_message_t *message, int64_t now_us)
+{
+    bool same_line = telemetry->vehicle_stream == (int)stream;
+    bool silent = now_us - telemetry->latest_us >= RENAMED_US, sure;
+
+    if (!same_line && !silent) {
+        return;
+    }
+    telemetry->other = message->sysid;
+    telemetry->other_us = now_us;
+    sure =
+        kin_hear(&telemetry->kin, message->sysid, told_clock(telemetry, message, now_us), now_us);
+    if (silent && kin_is_only(&telemetry->kin, message->sysid, now_us)) {
+        rename_vehicle(telemetry, message->sysid); /* what was learnt of it stands */
+    } else if (sure && same_line) {
+        belief_sequence(&telemetry->belief, message->seq, same_frame(message, &telemetry->latest),
+                        now_us);
+        telemetry->latest = *message;
+    }
 }
 
 static void hear_autopilot(struct telemetry *telemetry, int64_t now_us)
@@ -263,7 +279,7 @@ static void take_heartbeat(struct telemetry *telemetry, const mavlink_message_t 
     case VEHICLE_NEW:
         update.heartbeat.new_vehicle = known;
         belief_reset(&telemetry->belief);
-        telemetry->latest_us = INT64_MIN;
+        telemetry->latest_us = telemetry->other_us = INT64_MIN;
         telemetry->kin = (struct kin){0};
         telemetry->nameless = false;
         telemetry->identified = telemetry->authenticated = false;
@@ -320,14 +336,11 @@ static void take_frame(struct telemetry *telemetry, unsigned stream,
     }
     if (from_autopilot(telemetry, message)) {
         take_autopilots(telemetry, stream, message, now_us);
-    } else if (message->compid == MAV_COMP_ID_AUTOPILOT1 && telemetry->latest_us != INT64_MIN &&
-               telemetry->vehicle_stream == (int)stream) {
-        watch_kin(telemetry, message, now_us);
     }
 }
 
-/* Whose it is; not by a HEARTBEAT alone: who gives an autopilot another number can take that away.
- */
+/* Of the vehicle under whatever number: not by a HEARTBEAT alone, for who gives an autopilot
+ * another number can take that away. */
 static void hear_frame(struct telemetry *telemetry, unsigned stream,
                        const mavlink_message_t *message, int64_t now_us)
 {
@@ -335,13 +348,15 @@ static void hear_frame(struct telemetry *telemetry, unsigned stream,
 
     if (message->compid != MAV_COMP_ID_AUTOPILOT1) {
         telemetry->others_us = now_us;
-    } else {
-        hear_autopilot(telemetry, now_us);
-        if (is_renamed(telemetry, message->sysid, now_us)) {
-            rename_vehicle(telemetry, message->sysid);
-        }
+        take_frame(telemetry, stream, message, now_us);
+        return;
     }
-    if (message->compid == MAV_COMP_ID_AUTOPILOT1 && message->sysid == 0 && telemetry->nameless) {
+    hear_autopilot(telemetry, now_us);
+    if (telemetry->latest_us != INT64_MIN && !from_autopilot(telemetry, message) &&
+        !(message->sysid == 0 && telemetry->nameless)) {
+        watch_other(telemetry, stream, message, now_us);
+    }
+    if (message->sysid == 0 && telemetry->nameless) {
         named = *message;
         named.sysid = telemetry->vehicle.system;
         message = &named;
@@ -400,7 +415,21 @@ bool telemetry_vehicle_settled(const struct telemetry *telemetry)
 
 bool telemetry_vehicle_speaks(const struct telemetry *telemetry, int64_t now_us)
 {
-    return telemetry->vehicle.system != 0 && aircraft_fresh(telemetry->latest_us, now_us);
+    return telemetry->vehicle.system != 0 &&
+           (aircraft_fresh(telemetry->latest_us, now_us) || kin_speaks(&telemetry->kin, now_us));
+}
+
+bool telemetry_addressee(const struct telemetry *telemetry, int64_t now_us, uint8_t *system)
+{
+    if (telemetry->vehicle.system == 0 || telemetry->latest_us == INT64_MIN) {
+        return false;
+    }
+    if (aircraft_fresh(telemetry->latest_us, now_us)) {
+        *system = telemetry->nameless ? 0 : telemetry->vehicle.system;
+        return true;
+    }
+    *system = telemetry->other;
+    return aircraft_fresh(telemetry->other_us, now_us);
 }
 
 bool telemetry_only_others_speak(const struct telemetry *telemetry, int64_t now_us)

@@ -585,8 +585,8 @@ static void an_autopilot_with_another_number_is_the_same(void **state)
     speaks(VEHICLE, 5, SECOND);
     for (unsigned i = 0; i < 3; i++) {
         now_us += SECOND;
-        assert_int_equal(feed(autopilot_heartbeat(OTHER_VEHICLE)), i < 2 ? 0 : 1);
-        assert_int_equal(feed(position_of(OTHER_VEHICLE, 0)), i < 2 ? 0 : 1);
+        assert_int_equal(feed(autopilot_heartbeat(OTHER_VEHICLE)), i < 1 ? 0 : 1);
+        assert_int_equal(feed(position_of(OTHER_VEHICLE, 0)), 1);
     }
     now_us += SECOND;
     assert_int_equal(feed(autopilot_heartbeat(OTHER_VEHICLE)), 1);
@@ -604,7 +604,7 @@ static void it_is_the_same_without_its_heartbeat_as_well(void **state)
     speaks(VEHICLE, 25, SECOND / 5);
     for (unsigned i = 1; i <= 25; i++) {
         now_us += SECOND / 5;
-        assert_int_equal(feed(position_of(OTHER_VEHICLE, 0)), i < 15 ? 0 : 1);
+        assert_int_equal(feed(position_of(OTHER_VEHICLE, 0)), i < 5 ? 0 : 1);
     }
     assert_int_equal(telemetry_vehicle(telemetry), OTHER_VEHICLE);
     assert_true(telemetry_vehicle_speaks(telemetry, now_us)); /* so it is asked for it */
@@ -706,14 +706,15 @@ static void nor_is_one_that_was_switched_on_later(void **state)
 
 /* The autopilot is given another number (0 is nobody's, and it takes it), and somebody speaks on
  * under the old one: with its clock, and numbers of his own, as fast as it or slower; the first one
- * is the autopilot's next one, or is in its row before the autopilot has its new number. */
+ * is the autopilot's next one, or is in its row before the autopilot has its new number. Or nobody
+ * heeds him any more. */
 static void who_speaks_on_under_the_old_number_is_found_out(void **state)
 {
     static const uint8_t systems[] = {OTHER_VEHICLE, 0};
 
     for (unsigned how = 0; how < 16; how++) {
         uint8_t system = systems[how & 1];
-        unsigned every = how & 2 ? 8 : 1;
+        unsigned every = how & 2 ? 8 : 1, taken = 1;
         uint8_t own, forged;
 
         setup(state);
@@ -728,11 +729,10 @@ static void who_speaks_on_under_the_old_number_is_found_out(void **state)
             now_us += SECOND / 5;
             feed(NUMBERED(own, position_of(system, 0)));
             if (i % every == 0) {
-                feed(NUMBERED(forged, position_of(VEHICLE, 0)));
+                taken = feed(NUMBERED(forged, position_of(VEHICLE, 0)));
             }
-            assert_true(i < 60 || telemetry_contradicted(telemetry, now_us));
+            assert_true(i < 60 || taken == 0 || telemetry_contradicted(telemetry, now_us));
         }
-        assert_int_equal(telemetry_vehicle(telemetry), VEHICLE);
     }
 }
 
@@ -798,6 +798,72 @@ static void one_that_gets_its_number_back_is_one(void **state)
     speaks(VEHICLE, 10, SECOND / 5);
     assert_int_equal(telemetry_vehicle(telemetry), VEHICLE);
     assert_false(telemetry_contradicted(telemetry, now_us));
+}
+
+/* As often as somebody changes it: there was no position for as long. */
+static void one_whose_number_is_changed_each_second_is_the_same(void **state)
+{
+    (void)state;
+    for (unsigned each = 1; each <= 10; each++) {
+        unsigned longest = 0, waits = 0;
+
+        setup(state);
+        speaks(VEHICLE, 25, SECOND / 5);
+        for (unsigned i = 0; i < 300; i++) {
+            now_us += SECOND / 5;
+            waits = feed(position_of((uint8_t)(10 + i / each % 8), 0)) ? 0 : waits + 1;
+            longest = waits > longest ? waits : longest;
+        }
+        assert_in_range(longest, 1, 8);
+        assert_false(telemetry_contradicted(telemetry, now_us));
+    }
+}
+
+/* It was lost until power-off. */
+static void one_that_comes_by_another_line_meanwhile_is_the_same(void **state)
+{
+    (void)state;
+    for (unsigned reset = 0; reset < 2; reset++) {
+        setup(state);
+        speaks(VEHICLE, 25, SECOND / 5);
+        if (reset) {
+            telemetry_reset_stream(telemetry, 0);
+        }
+        for (unsigned i = 0; i < 25; i++) {
+            struct frame frame;
+
+            now_us += SECOND / 5;
+            frame = position_of(OTHER_VEHICLE, 0);
+            telemetry_receive(telemetry, 1, frame.bytes, frame.length, now_us);
+        }
+        assert_int_equal(telemetry_vehicle(telemetry), OTHER_VEHICLE);
+        assert_int_equal(telemetry_vehicle_stream(telemetry), 1);
+    }
+}
+
+/* Who it is by now shows by what it is asked for; its old number asks nobody. */
+static void who_speaks_in_its_stead_is_asked(void **state)
+{
+    uint8_t addressee = 99;
+
+    begin();
+    assert_false(telemetry_addressee(telemetry, now_us, &addressee));
+    setup(state);
+    speaks(VEHICLE, 25, SECOND / 5);
+    assert_true(telemetry_addressee(telemetry, now_us, &addressee));
+    assert_int_equal(addressee, VEHICLE);
+    speaks(0, 25, SECOND / 5);
+    assert_true(telemetry_addressee(telemetry, now_us, &addressee));
+    assert_int_equal(addressee, 0);
+    for (unsigned i = 0; i < 5; i++) { /* neither a position nor a time was left to it */
+        now_us += SECOND;
+        feed(autopilot_heartbeat(OTHER_VEHICLE));
+    }
+    assert_true(telemetry_addressee(telemetry, now_us, &addressee));
+    assert_int_equal(addressee, OTHER_VEHICLE);
+    now_us += 3 * SECOND;
+    assert_false(
+        telemetry_addressee(telemetry, now_us, &addressee)); /* perhaps in its boot loader */
 }
 
 /* By one frame, or several, for each of the vehicle's. */
@@ -984,6 +1050,9 @@ int main(void)
         cmocka_unit_test_setup(what_it_was_called_for_a_while_is_forgotten, setup),
         cmocka_unit_test_setup(who_speaks_on_under_the_old_number_is_found_out, setup),
         cmocka_unit_test_setup(one_that_gets_its_number_back_is_one, setup),
+        cmocka_unit_test_setup(one_whose_number_is_changed_each_second_is_the_same, setup),
+        cmocka_unit_test_setup(one_that_comes_by_another_line_meanwhile_is_the_same, setup),
+        cmocka_unit_test_setup(who_speaks_in_its_stead_is_asked, setup),
         cmocka_unit_test_setup(nor_does_it_help_to_copy_its_numbers, setup),
         cmocka_unit_test_setup(one_that_flies_takes_no_place_at_all, setup),
         cmocka_unit_test_setup(the_first_vehicle_has_its_place_back_when_it_returns, setup),
