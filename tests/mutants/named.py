@@ -47,8 +47,6 @@ NAMED = (
     Mutant("a clock follows whoever is ahead", "belief.c", "        clock->offset_us -= drifted_us;", "        clock->offset_us = offset_us;"),
     Mutant("numbers between another's are no contradiction", "frame_numbers.c",
            ": next && numbers->other && numbers->back;", ": false;"),
-    Mutant("who speaks on under the old number has numbers of its own", "telemetry.c",
-           "} else if (sure && same_line) {", "} else if (false) {"),
     Mutant("a place begins while two speak", "belief.c",
            "    if (belief_contradicted(belief, now_us)) {\n        return false;\n    }\n    return belief->no_fix_us", "    return belief->no_fix_us"),
     Mutant("a stray voice holds the vehicle off", "vehicle.c",

@@ -625,6 +625,7 @@ def test_only_mavlink_router_speaks_to_another_program(appliance):
     # And what a packet socket puts on lo has no way yet.
     of_both = 'iif "lo" ip protocol { tcp, udp }'
     assert f'{of_both} rt ip nexthop >= 0.0.0.0 accept\n\t\t{of_both} counter drop\n' in rules
+    assert '\t\tiif "lo" meta nfproto ipv6 counter drop\n' in rules
     for outside in ("rt ip nexthop >= 0.0.0.0", "ip daddr 127.0.0.0/8", "ip saddr 127.0.0.0/8"):
         assert f"\t\t{outside} counter drop\n" in rules
     # Source routing changes where a packet goes after prerouting.

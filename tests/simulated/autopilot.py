@@ -31,7 +31,7 @@ def decoded(frame):
 
 
 class Autopilot:
-    """said: each ARM_STATUS that came; asked: (CLOCK_MONOTONIC in seconds, message) of each rate, addressed: (system, message). connect(on_octets): its line to the daemon, a world.Device or world.Port.
+    """said: each ARM_STATUS that came; asked: (CLOCK_MONOTONIC in seconds, message) of each rate. connect(on_octets): its line to the daemon, a world.Device or world.Port.
 
     rewrite(message) may change what it says, or return False: it isn't said."""
 
@@ -42,7 +42,7 @@ class Autopilot:
         self.silent = False
         self.rewrite = None
         self._clock_ms = 0  # how much less its clock says since it started again
-        self.said, self.asked, self.addressed = [], [], []
+        self.said, self.asked = [], []
         self._decoder, self._link = tlog.Decoder(), common.MAVLink(None)
         self.device = connect(self._listen)
         self._begun_us, self._next = world.now_us, 0
@@ -54,7 +54,6 @@ class Autopilot:
                 self.said.append(ArmStatus(self.world.now_us / 1e6, message.status == 0, message.error))
             elif message.get_type() == "COMMAND_LONG" and message.command == common.MAV_CMD_SET_MESSAGE_INTERVAL:
                 self.asked.append((self.world.now_us / 1e6, int(message.param1)))
-                self.addressed.append((message.target_system, int(message.param1)))
 
     def _play(self):
         _, octets, fields = self.frames[self._next]

@@ -228,17 +228,15 @@ def climbs_upward_on_the_air(heard):
 # --- take-off and operator --------------------------------------------------
 
 
-def is_given_another_number(craft, message):
-    """SYSID_THISMAV, by a ground station, in flight: ArduPlane takes it at once."""
-    if craft.time_s >= 10:
-        message.system_id = 7
+def is_given_another_id(craft, message):
+    """SYSID_THISMAV, in a file or by its own radio: ArduPilot takes it at once. And its own again."""
+    message.system_id = 7 if 10 <= craft.time_s < 20 else 1
     return [message]
 
 
-def is_the_same_aircraft(heard):
-    """A second until the old number is given up."""
-    assert all(one.status == AIRBORNE for one in places(heard, 10 + 1 + 2 * LATE_S))
-    assert all(abs(one.message.timestamp_s - START_UNIX_S % 3600 - one.flight_s) < 0.6 for one in of(heard, Location, 15))
+def is_missed_until_it_has_its_own(heard):
+    assert all(one.status == FAILURE for one in places(heard, 10 + 3 + LATE_S, 20))
+    assert all(one.status == AIRBORNE for one in places(heard, 20 + 1 + LATE_S))
 
 
 def arms_before_its_fix(craft, message):
@@ -295,7 +293,7 @@ CASES = {
     "failsafe": Case(is_in_a_failsafe, is_airborne),
     "slow clock": Case(has_a_slow_clock, is_right_again_in_ten_seconds),
     "climbs downward": Case(climbs_downward, climbs_upward_on_the_air),
-    "is given another number": Case(is_given_another_number, is_the_same_aircraft),
+    "is given another id": Case(is_given_another_id, is_missed_until_it_has_its_own),
     "arms before its fix": Case(arms_before_its_fix, has_height_and_operator),
     "operator every second": Case(operator_from_a_ground_station(1), is_live_and_on_time),
     "operator every 4 s": Case(operator_from_a_ground_station(4), is_live_and_on_time),

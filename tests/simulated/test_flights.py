@@ -281,31 +281,6 @@ def test_one_that_speaks_on_under_another_number_has_not_said_that_it_is_disarme
     assert armed_word(flight) == "no"
     flight.fly(8)
     assert armed_word(flight) == "unsaid"
-    # It is followed, and asked for its HEARTBEAT.
-    assert [mono for mono, message in flight.autopilot.asked if message == 0 and mono > START_US / 1e6 + 5]
-
-
-@pytest.mark.parametrize("first, second, after_s", [(0, 0, 4), (5, 6, 0.8)])
-def test_one_that_has_another_number_is_asked_by_that(make_flight, first, second, after_s):
-    """By four frames of a ground station's the position was away for the rest of the flight: its old number was asked."""
-    flight = make_flight()
-    off = {common.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, common.MAVLINK_MSG_ID_SYSTEM_TIME}
-
-    def named(message):
-        message._header.srcSystem = first
-
-    def switched_off(message):
-        message._header.srcSystem = second
-        return message.get_msgId() not in off or (second, message.get_msgId()) in flight.autopilot.addressed[before:]
-
-    flight.at(AT_S, setattr, flight.autopilot, "rewrite", named)
-    flight.fly(AT_S + after_s)
-    before = len(flight.autopilot.addressed)
-    flight.autopilot.rewrite = switched_off
-    flight.fly(AT_S + after_s + 8)
-    assert (second, common.MAVLINK_MSG_ID_GLOBAL_POSITION_INT) in flight.autopilot.addressed[before:]
-    told = flight.autopilot.said[-1]
-    assert told.good and told.mono > START_US / 1e6 + AT_S + after_s + 6
 
 
 def test_one_that_is_switched_off_disarmed_has_said_it(make_flight):

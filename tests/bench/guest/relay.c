@@ -16,9 +16,9 @@
  * (br2-external/patches/mavlink-router): nothing comes in of a message that isn't known, or with a
  * flag that isn't, nor from anybody but the peer that is configured; of a frame for which the
  * serial port had no room the rest goes out before anything else; where messages are blocked, so
- * are all commands but those that were judged. Not as it: what has a target goes out by all
- * endpoints, checksums of known messages aren't looked at, and known are those of the dialect
- * common, there ardupilotmega's. */
+ * are all commands but those that were judged, and a parameter that is a system id. Not as it: what
+ * has a target goes out by all endpoints, checksums of known messages aren't looked at, and known
+ * are those of the dialect common, there ardupilotmega's. */
 
 #include <arpa/inet.h>
 #include <common/mavlink.h>
@@ -310,11 +310,23 @@ static bool is_shut_command(const unsigned char *frame)
     return !is_judged(said.command);
 }
 
+/* An autopilot takes another one at once, and in the air. */
+static bool is_system_id(const unsigned char *frame)
+{
+    const unsigned char *payload = frame + (frame[0] == 0xFE ? 6 : 10);
+    mavlink_param_set_t said = {0};
+    if (message_of(frame) != MAVLINK_MSG_ID_PARAM_SET)
+        return false;
+    memcpy(&said, payload, frame[1] < sizeof(said) ? frame[1] : sizeof(said));
+    return strncasecmp(said.param_id, "SYSID_THISMAV", sizeof(said.param_id)) == 0 ||
+           strncasecmp(said.param_id, "MAV_SYSID", sizeof(said.param_id)) == 0;
+}
+
 static bool may_enter(const struct filter *filter, const unsigned char *frame)
 {
     if (!is_understood(frame) || is_listed(filter->blocked_message, message_of(frame)))
         return false;
-    if (filter->blocked_message[0] != 0 && is_shut_command(frame))
+    if (filter->blocked_message[0] != 0 && (is_shut_command(frame) || is_system_id(frame)))
         return false;
     return !(filter->only_listed && !filter->allowed_component[component_of(frame)]) &&
            !filter->blocked_component[component_of(frame)] &&

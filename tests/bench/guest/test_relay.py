@@ -237,6 +237,10 @@ def command(number, param1=0, who=STATION, form=common.MAVLink_command_long_mess
     return form(*before, param1, *[0] * 6).pack(common.MAVLink(None, *who), force_mavlink1=version == 1)
 
 
+def parameter(name, version=2):
+    return common.MAVLink_param_set_message(1, 1, name.encode(), 7, 4).pack(common.MAVLink(None, *STATION), force_mavlink1=version == 1)
+
+
 FORMS = (common.MAVLink_command_long_message, common.MAVLink_command_int_message)
 # That it wants to see the autopilot's CAN bus, where it is, that its receivers fail, where its origin is, which way it points
 # (EXTERNAL_ATTITUDE_ESTIMATE, compass offsets), which of its sources count (SET_EKF_SOURCE_SET, ESTIMATOR_SENSOR_ENABLE, or a
@@ -274,6 +278,10 @@ RULES = {
     "a command that isn't shut": (command(43005), True, False),
     "the same by COMMAND_INT": (command(43005, 1, form=common.MAVLink_command_int_message), True, False),
     "such a command as its transmitter": (command(32000, who=TRANSMITTER), False, True),
+    "another system id": (parameter("SYSID_THISMAV"), False, False),
+    "the same in MAVLink 1": (parameter("MAV_SYSID", version=1), False, False),
+    "the same, as ArduPilot reads it": (parameter("sysid_Thismav"), False, False),
+    "another parameter": (parameter("SYSID_MYGCS"), True, False),
     "as another autopilot": (heartbeat(FOREIGN), False, False),
     "signed": (heartbeat_with(1, STATION), True, False),
     "signed, as its transmitter": (heartbeat_with(1, TRANSMITTER), False, True),
@@ -281,7 +289,7 @@ RULES = {
     "the same, signed": (heartbeat_with(3, STATION), False, False),
     "that flag as its transmitter": (heartbeat_with(2, TRANSMITTER), False, False),
     "a message that nobody knows": (crafted(STATION, flags=0), False, False),
-    "the same in MAVLink 1": (bytes([0xFE, 3, 0, *STATION, 3]) + b"abc" + b"xx", False, False),
+    "one in MAVLink 1": (bytes([0xFE, 3, 0, *STATION, 3]) + b"abc" + b"xx", False, False),
     "both": (crafted(STATION), False, False),
     "both as the vehicle": (crafted(VEHICLE), False, False),
     "both as the transmitter": (crafted(TRANSMITTER), False, False),

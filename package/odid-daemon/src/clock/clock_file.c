@@ -28,11 +28,16 @@ int clock_file_save(const char *path, int64_t now_us)
 int clock_file_read(const char *path, int64_t *saved_us)
 {
     struct stat status;
+    int64_t modified_us;
 
     *saved_us = CLOCK_UNKNOWN;
     if (stat(path, &status) < 0) {
         return -errno;
     }
-    *saved_us = (int64_t)status.st_mtim.tv_sec * SECOND_US + status.st_mtim.tv_nsec / 1000;
+    modified_us = (int64_t)status.st_mtim.tv_sec * SECOND_US + status.st_mtim.tv_nsec / 1000;
+    if (!clock_is_plausible(modified_us)) {
+        return -ERANGE;
+    }
+    *saved_us = modified_us;
     return 0;
 }

@@ -9,9 +9,14 @@
 
 #define SECOND_US 1000000
 #define OFF_US SECOND_US
-/* 2010 to 2100, as autopilot_clock: what lies outside is a wrong file. */
+/* As autopilot_clock. */
 #define PLAUSIBLE_MIN_S INT64_C(1262304000)
 #define PLAUSIBLE_MAX_S INT64_C(4102444800)
+
+bool clock_is_plausible(int64_t unix_us)
+{
+    return unix_us >= PLAUSIBLE_MIN_S * SECOND_US && unix_us <= PLAUSIBLE_MAX_S * SECOND_US;
+}
 
 int64_t clock_build_us(const char *release)
 {

@@ -14,6 +14,9 @@
 
 #define CLOCK_UNKNOWN INT64_MIN
 
+/* From 2010 to 2100: what lies outside is a damaged file's. */
+bool clock_is_plausible(int64_t unix_us);
+
 /* BUILD_TIME, in whole seconds since 1970, of /etc/odid-release's text. CLOCK_UNKNOWN: there is
  * none that makes sense. */
 int64_t clock_build_us(const char *release);

@@ -23,10 +23,6 @@
 /* ... and until the least delay is known: what was held up on the way comes at the beginning. */
 #define SETTLED_US 20000000
 #define UNSETTLED_AHEAD_US 1000000
-/* So near to the believed one another clock is the same; what is later may have been held up on the
- * way, for so long. */
-#define SAME_US 200000
-#define HELD_UP_US 2000000
 
 /* The fastest that Remote ID knows, and what an estimator may jump; delays differ. */
 #define SPEED_MAX_MPS 254.25
@@ -127,25 +123,14 @@ static int64_t clock_step_ms(const struct belief_clock *clock, uint32_t at_ms, i
     return step_ms > wrap_ms / 2 ? step_ms - wrap_ms : step_ms;
 }
 
-/* More than the least delayed one. */
-static int64_t delay_of_us(const struct belief_clock *clock, int64_t step_ms, int64_t now_us)
-{
-    return now_us - (clock->last_us + step_ms * 1000) - clock->offset_us;
-}
-
-/* What the clocks may have drifted apart since it was heard. */
-static int64_t drift_us(const struct belief_clock *clock, int64_t now_us)
-{
-    return (int64_t)((double)(now_us - clock->track.heard_us) * DRIFT);
-}
-
 static bool clock_fits(const struct belief_clock *clock, int64_t step_ms, int32_t wrap_ms,
                        int64_t now_us)
 {
+    int64_t delay_us = now_us - (clock->last_us + step_ms * 1000) - clock->offset_us;
     int64_t ahead_us = now_us - clock->since_us < SETTLED_US ? UNSETTLED_AHEAD_US : AHEAD_US;
 
-    return step_ms >= (wrap_ms == 0 ? BEHIND_MS : NATIVE_BEHIND_MS) &&
-           delay_of_us(clock, step_ms, now_us) >= -ahead_us - drift_us(clock, now_us);
+    ahead_us += (int64_t)((double)(now_us - clock->track.heard_us) * DRIFT);
+    return step_ms >= (wrap_ms == 0 ? BEHIND_MS : NATIVE_BEHIND_MS) && delay_us >= -ahead_us;
 }
 
 struct clock_word {
@@ -512,20 +497,6 @@ void belief_sequence(struct belief *belief, uint8_t sequence, bool again, int64_
     }
     /* Else the other one's steps count, too. */
     frame_numbers_pass(&belief->numbers, sequence, !belief_contradicted(belief, now_us), now_us);
-}
-
-enum belief_clock_is belief_clock_is(const struct belief *belief, uint32_t boot_ms, int64_t now_us)
-{
-    const struct belief_clock *clock = &belief->boot;
-    int64_t step_ms = clock_step_ms(clock, boot_ms, 0);
-    int64_t delay_us = delay_of_us(clock, step_ms, now_us);
-    int64_t same_us = SAME_US + drift_us(clock, now_us);
-
-    if (!clock->track.known || !clock_fits(clock, step_ms, 0, now_us) || delay_us < -same_us ||
-        delay_us > HELD_UP_US) {
-        return BELIEF_CLOCK_ANOTHER;
-    }
-    return delay_us > same_us ? BELIEF_CLOCK_LATE : BELIEF_CLOCK_SAME;
 }
 
 void belief_new_link(struct belief *belief)

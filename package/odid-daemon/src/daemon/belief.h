@@ -82,17 +82,12 @@ void belief_reset(struct belief *belief);
  */
 bool belief_take(struct belief *belief, struct telemetry_update *update, int64_t now_us);
 
-/* The number of a frame of the vehicle's autopilot, or its kin's (frame_numbers.h).
+/* The number of a frame of the vehicle's autopilot (frame_numbers.h).
  * again: it is the frame before, octet by octet. */
 void belief_sequence(struct belief *belief, uint8_t sequence, bool again, int64_t now_us);
 
 /* The next frame comes by another link of the autopilot's, which has numbers of its own. */
 void belief_new_link(struct belief *belief);
-
-/* Is a time since boot, of whoever says it, the believed clock's? One that comes late may be: it
- * may have been held up on the way. Changes nothing. */
-enum belief_clock_is { BELIEF_CLOCK_ANOTHER, BELIEF_CLOCK_LATE, BELIEF_CLOCK_SAME };
-enum belief_clock_is belief_clock_is(const struct belief *belief, uint32_t boot_ms, int64_t now_us);
 
 /* Do two sources contradict each other? */
 bool belief_contradicted(const struct belief *belief, int64_t now_us);

@@ -195,6 +195,11 @@ static void judge_link(struct health *health, const struct health_input *input)
         FAULT("autopilot-no-link", link_advice(input), "no link to the autopilot");
     } else if (input->link->state == LINK_SILENT) {
         FAULT("autopilot-silent", link_advice(input), "autopilot is silent");
+    } else if (!input->condition->heartbeat_fresh && input->another_id) {
+        FAULT("autopilot-other-id",
+              "Its system id was changed, or it isn't ours. In the air only the one of before "
+              "counts: set it back.",
+              "another system id speaks");
     } else if (!input->condition->heartbeat_fresh && input->others_only) {
         FAULT("autopilot-silent",
               "Others speak on its link, it doesn't: is it powered? Check cable, baud and the "

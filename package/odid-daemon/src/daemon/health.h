@@ -48,6 +48,7 @@ struct health_input {
     bool filter_logging;        /* and only logs */
     bool realtime;              /* real-time priority was granted */
     bool speaks;                /* anything came of the autopilot, a moment ago */
+    bool another_id;            /* nothing did, and something of an autopilot of another id */
     bool others_only;           /* frames come, a moment ago, and none of any autopilot's */
     bool contradicted;          /* two sources speak as the autopilot */
     bool unheard;               /* the autopilot doesn't answer */

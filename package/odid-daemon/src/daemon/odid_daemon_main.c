@@ -129,6 +129,7 @@ static void judge(struct health_input *input, struct health *health, struct airc
         .filter_logging = self.options.seccomp_log,
         .realtime = self.realtime,
         .speaks = telemetry_vehicle_speaks(self.telemetry, now_us),
+        .another_id = telemetry_another_id_speaks(self.telemetry, now_us),
         .others_only = telemetry_only_others_speak(self.telemetry, now_us),
         .contradicted = telemetry_contradicted(self.telemetry, now_us),
         .unheard = asking_unheard(&self.asking),
@@ -158,10 +159,9 @@ static void gather(void *context, struct status_snapshot *snapshot, int64_t now_
 static void ask_vehicle(const struct aircraft_condition *condition, uint8_t vehicle, int64_t now_us)
 {
     struct asking_request request;
-    uint8_t addressee;
 
-    if (!telemetry_addressee(self.telemetry, now_us, &addressee)) {
-        return;
+    if (!telemetry_vehicle_speaks(self.telemetry, now_us)) {
+        return; /* it may be in its boot loader */
     }
     if (vehicle != self.asked_vehicle || condition->autopilot_restarts != self.asked_boot) {
         self.asked_vehicle = vehicle;
@@ -172,7 +172,7 @@ static void ask_vehicle(const struct aircraft_condition *condition, uint8_t vehi
     if (config()->request_rate &&
         asking_next(&self.asking, condition->apart || condition->altitude_apart, now_us,
                     &request)) {
-        pilot_ask_rate(&self.pilot, vehicle, addressee, request.message_id, request.interval_us);
+        pilot_ask_rate(&self.pilot, vehicle, request.message_id, request.interval_us);
     }
 }
 

@@ -126,15 +126,14 @@ void pilot_sources(struct pilot *pilot, uint8_t vehicle, bool contradicted, int6
     }
 }
 
-void pilot_ask_rate(struct pilot *pilot, uint8_t vehicle, uint8_t addressee, uint16_t message_id,
-                    uint32_t interval_us)
+void pilot_ask_rate(struct pilot *pilot, uint8_t vehicle, uint16_t message_id, uint32_t interval_us)
 {
     mavlink_message_t message;
     mavlink_command_long_t command = {
         .command = MAV_CMD_SET_MESSAGE_INTERVAL,
         .param1 = message_id,
         .param2 = (float)interval_us,
-        .target_system = addressee,
+        .target_system = vehicle,
         .target_component = MAV_COMP_ID_AUTOPILOT1,
     };
 

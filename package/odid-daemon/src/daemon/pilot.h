@@ -49,9 +49,8 @@ void pilot_restore(struct pilot *pilot, enum channel channel, bool seen, bool lo
  * channel, and when it ends. */
 void pilot_sources(struct pilot *pilot, uint8_t vehicle, bool contradicted, int64_t now_us);
 
-/* Asks component 1 of the system addressee (0: of any) for message_id every interval_us
- * (MAV_CMD_SET_MESSAGE_INTERVAL), as the vehicle's transmitter. */
-void pilot_ask_rate(struct pilot *pilot, uint8_t vehicle, uint8_t addressee, uint16_t message_id,
+/* Asks component 1 for message_id every interval_us (MAV_CMD_SET_MESSAGE_INTERVAL). */
+void pilot_ask_rate(struct pilot *pilot, uint8_t vehicle, uint16_t message_id,
                     uint32_t interval_us);
 
 #endif

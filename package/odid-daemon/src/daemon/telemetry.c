@@ -5,14 +5,10 @@
 
 #include "daemon/aircraft.h"
 #include "daemon/belief.h"
-#include "daemon/kin.h"
 #include "daemon/telemetry_odid.h"
 #include "daemon/telemetry_plain.h"
 #include "daemon/vehicle.h"
 #include "mavlink/framing.h"
-
-/* The vehicle has taken another system id once its old one has been silent for so long. */
-#define RENAMED_US 1000000
 
 struct telemetry {
     telemetry_fn *deliver;
@@ -20,7 +16,7 @@ struct telemetry {
     struct framing framing[TELEMETRY_STREAMS];
     struct telemetry_counters counters;
     struct belief belief;
-    mavlink_message_t latest; /* of the vehicle's autopilot, or its kin's */
+    mavlink_message_t latest; /* of the vehicle's autopilot */
     struct vehicle vehicle;
     bool identified;    /* its autopilot said who it is */
     bool authenticated; /* and proves it */
@@ -31,10 +27,6 @@ struct telemetry {
     int64_t latest_us;                /* of the vehicle's autopilot; INT64_MIN: none yet */
     int64_t first_us;                 /* any autopilot's first frame; INT64_MIN */
     int64_t autopilots_us, others_us; /* any one's last frame, and of whoever is none; INT64_MIN */
-    struct kin kin;                   /* whoever has the vehicle's clock */
-    bool nameless;                    /* the vehicle's id is 0 by now, which is nobody's */
-    uint8_t other;    /* the system whose autopilot was heard last, but for the vehicle's, ... */
-    int64_t other_us; /* ... and when; INT64_MIN */
 };
 
 struct telemetry *telemetry_init(telemetry_fn *deliver, void *context)
@@ -46,7 +38,7 @@ struct telemetry *telemetry_init(telemetry_fn *deliver, void *context)
     telemetry.context = context;
     telemetry.vehicle_stream = -1;
     telemetry.first_us = telemetry.autopilots_us = telemetry.others_us = INT64_MIN;
-    telemetry.latest_us = telemetry.other_us = INT64_MIN;
+    telemetry.latest_us = INT64_MIN;
     vehicle_init(&telemetry.vehicle);
     belief_reset(&telemetry.belief);
     return &telemetry;
@@ -166,72 +158,11 @@ static void take_odid(struct telemetry *telemetry, const mavlink_message_t *mess
     }
 }
 
-/* ---- an autopilot under another number ---- */
-
 /* A checksum is made to order: it is the octets that tell. */
 static bool same_frame(const mavlink_message_t *a, const mavlink_message_t *b)
 {
-    return a->sysid == b->sysid && a->seq == b->seq && a->msgid == b->msgid && a->len == b->len &&
+    return a->seq == b->seq && a->msgid == b->msgid && a->len == b->len &&
            memcmp(a->payload64, b->payload64, a->len) == 0;
-}
-
-static enum kin_clock told_clock(const struct telemetry *telemetry,
-                                 const mavlink_message_t *message, int64_t now_us)
-{
-    struct telemetry_update update;
-    uint32_t boot_ms;
-
-    if (!telemetry_plain_read(message, &update)) {
-        return KIN_CLOCK_UNTOLD;
-    }
-    if (update.kind == TELEMETRY_GLOBAL_POSITION) {
-        boot_ms = update.global_position.boot_ms;
-    } else if (update.kind == TELEMETRY_SYSTEM_TIME) {
-        boot_ms = update.system_time.boot_ms;
-    } else {
-        return KIN_CLOCK_UNTOLD;
-    }
-    switch (belief_clock_is(&telemetry->belief, boot_ms, now_us)) {
-    case BELIEF_CLOCK_SAME:
-        return KIN_CLOCK_SAME;
-    case BELIEF_CLOCK_LATE:
-        return KIN_CLOCK_LATE;
-    default:
-        return KIN_CLOCK_ANOTHER;
-    }
-}
-
-static void rename_vehicle(struct telemetry *telemetry, uint8_t system)
-{
-    telemetry->nameless = system == 0;
-    if (system != 0) {
-        vehicle_rename(&telemetry->vehicle, system);
-    }
-    telemetry->kin = (struct kin){0};
-}
-
-/* A frame of another system's autopilot. Where the vehicle is silent, by whatever line: the program
- * between may have been started anew meanwhile. */
-static void watch_other(struct telemetry *telemetry, unsigned stream,
-                        const mavlink_message_t *message, int64_t now_us)
-{
-    bool same_line = telemetry->vehicle_stream == (int)stream;
-    bool silent = now_us - telemetry->latest_us >= RENAMED_US, sure;
-
-    if (!same_line && !silent) {
-        return;
-    }
-    telemetry->other = message->sysid;
-    telemetry->other_us = now_us;
-    sure =
-        kin_hear(&telemetry->kin, message->sysid, told_clock(telemetry, message, now_us), now_us);
-    if (silent && kin_is_only(&telemetry->kin, message->sysid, now_us)) {
-        rename_vehicle(telemetry, message->sysid); /* what was learnt of it stands */
-    } else if (sure && same_line) {
-        belief_sequence(&telemetry->belief, message->seq, same_frame(message, &telemetry->latest),
-                        now_us);
-        telemetry->latest = *message;
-    }
 }
 
 static void hear_autopilot(struct telemetry *telemetry, int64_t now_us)
@@ -279,9 +210,7 @@ static void take_heartbeat(struct telemetry *telemetry, const mavlink_message_t 
     case VEHICLE_NEW:
         update.heartbeat.new_vehicle = known;
         belief_reset(&telemetry->belief);
-        telemetry->latest_us = telemetry->other_us = INT64_MIN;
-        telemetry->kin = (struct kin){0};
-        telemetry->nameless = false;
+        telemetry->latest_us = INT64_MIN;
         telemetry->identified = telemetry->authenticated = false;
         break;
     default:
@@ -318,6 +247,11 @@ static void take_frame(struct telemetry *telemetry, unsigned stream,
 {
     struct telemetry_update update;
 
+    if (message->compid == MAV_COMP_ID_AUTOPILOT1) {
+        hear_autopilot(telemetry, now_us);
+    } else {
+        telemetry->others_us = now_us;
+    }
     if (message->compid >= TELEMETRY_COMPONENT_ODID &&
         message->compid < TELEMETRY_COMPONENT_ODID + 3) {
         telemetry->counters.other_transmitter++;
@@ -339,31 +273,6 @@ static void take_frame(struct telemetry *telemetry, unsigned stream,
     }
 }
 
-/* Of the vehicle under whatever number: not by a HEARTBEAT alone, for who gives an autopilot
- * another number can take that away. */
-static void hear_frame(struct telemetry *telemetry, unsigned stream,
-                       const mavlink_message_t *message, int64_t now_us)
-{
-    mavlink_message_t named;
-
-    if (message->compid != MAV_COMP_ID_AUTOPILOT1) {
-        telemetry->others_us = now_us;
-        take_frame(telemetry, stream, message, now_us);
-        return;
-    }
-    hear_autopilot(telemetry, now_us);
-    if (telemetry->latest_us != INT64_MIN && !from_autopilot(telemetry, message) &&
-        !(message->sysid == 0 && telemetry->nameless)) {
-        watch_other(telemetry, stream, message, now_us);
-    }
-    if (message->sysid == 0 && telemetry->nameless) {
-        named = *message;
-        named.sysid = telemetry->vehicle.system;
-        message = &named;
-    }
-    take_frame(telemetry, stream, message, now_us);
-}
-
 /* Of which stream, and when: what the frames of one call have in common. */
 struct arrival {
     struct telemetry *telemetry;
@@ -375,7 +284,7 @@ static void on_frame(void *context, const mavlink_message_t *message)
 {
     const struct arrival *arrival = context;
 
-    hear_frame(arrival->telemetry, arrival->stream, message, arrival->now_us);
+    take_frame(arrival->telemetry, arrival->stream, message, arrival->now_us);
 }
 
 void telemetry_receive(struct telemetry *telemetry, unsigned stream, const uint8_t *bytes,
@@ -415,21 +324,13 @@ bool telemetry_vehicle_settled(const struct telemetry *telemetry)
 
 bool telemetry_vehicle_speaks(const struct telemetry *telemetry, int64_t now_us)
 {
-    return telemetry->vehicle.system != 0 &&
-           (aircraft_fresh(telemetry->latest_us, now_us) || kin_speaks(&telemetry->kin, now_us));
+    return telemetry->vehicle.system != 0 && aircraft_fresh(telemetry->latest_us, now_us);
 }
 
-bool telemetry_addressee(const struct telemetry *telemetry, int64_t now_us, uint8_t *system)
+bool telemetry_another_id_speaks(const struct telemetry *telemetry, int64_t now_us)
 {
-    if (telemetry->vehicle.system == 0 || telemetry->latest_us == INT64_MIN) {
-        return false;
-    }
-    if (aircraft_fresh(telemetry->latest_us, now_us)) {
-        *system = telemetry->nameless ? 0 : telemetry->vehicle.system;
-        return true;
-    }
-    *system = telemetry->other;
-    return aircraft_fresh(telemetry->other_us, now_us);
+    return telemetry->vehicle.system != 0 && telemetry_autopilot_speaks(telemetry, now_us) &&
+           !telemetry_vehicle_speaks(telemetry, now_us);
 }
 
 bool telemetry_only_others_speak(const struct telemetry *telemetry, int64_t now_us)

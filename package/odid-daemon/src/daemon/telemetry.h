@@ -168,12 +168,8 @@ bool telemetry_vehicle_settled(const struct telemetry *telemetry);
 /* Has anything come of it within 3 s, if only something that nobody needs; under another id, too?
  */
 bool telemetry_vehicle_speaks(const struct telemetry *telemetry, int64_t now_us);
-/*
- * Whom to ask for what the vehicle says too seldom: its id, 0 where it has none (then whoever hears
- * it), or where it is silent for 3 s whoever speaks in its stead: it may be the vehicle, and what
- * it says of its clock tells. False: nobody, for what is silent may be in its boot loader.
- */
-bool telemetry_addressee(const struct telemetry *telemetry, int64_t now_us, uint8_t *system);
+/* It doesn't, and an autopilot of another id does: its own one may have been changed. */
+bool telemetry_another_id_speaks(const struct telemetry *telemetry, int64_t now_us);
 /* Whole frames come, within 3 s, and none of any autopilot's: of a ground station, of a camera. */
 bool telemetry_only_others_speak(const struct telemetry *telemetry, int64_t now_us);
 /* Does any autopilot speak, within 3 s, whatever its number? */

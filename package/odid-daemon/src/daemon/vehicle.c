@@ -131,11 +131,3 @@ void vehicle_speaks(struct vehicle *vehicle, int64_t now_us)
     vehicle->spoke = true;
     vehicle->until_us = now_us + (vehicle->heartbeat_us == INT64_MIN ? EXPECTED_US : FORGOTTEN_US);
 }
-
-void vehicle_rename(struct vehicle *vehicle, uint8_t system)
-{
-    if (vehicle->kept == vehicle->system) {
-        vehicle->kept = system;
-    }
-    vehicle->system = system;
-}

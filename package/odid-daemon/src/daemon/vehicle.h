@@ -50,9 +50,6 @@ void vehicle_speaks(struct vehicle *vehicle, int64_t now_us);
 /* Is it there to stay, and no stray voice? */
 bool vehicle_is_settled(const struct vehicle *vehicle);
 
-/* Its autopilot goes on under another system id. */
-void vehicle_rename(struct vehicle *vehicle, uint8_t system);
-
 /* A HEARTBEAT of a ground station; a system that has an autopilot is none any more. */
 void vehicle_heard_ground_station(struct vehicle *vehicle, uint8_t system);
 bool vehicle_is_ground_station(const struct vehicle *vehicle, uint8_t system);

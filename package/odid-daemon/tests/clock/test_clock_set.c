@@ -154,6 +154,10 @@ static void what_was_saved_is_read(void **state)
     assert_int_equal(clock_file_read(path, &saved_us), 0);
     assert_int_equal(saved_us, NOON - 7);
     unlink(path);
+    /* A damaged disk's: each power-on began in that year. */
+    assert_int_equal(clock_file_save(path, INT64_C(10413792000) * 1000000), 0);
+    assert_int_equal(clock_file_read(path, &saved_us), -34 /* ERANGE */);
+    assert_true(saved_us == CLOCK_UNKNOWN);
     assert_int_equal(clock_file_save("/nonexistent/clock", NOON), -2);
 }
 

@@ -192,6 +192,10 @@ static void link_states(void **state)
     fixture.input.speaks = false;
     expect_one(HEALTH_FAULT, "no heartbeat from autopilot");
     assert_non_null(strstr(health.problem[0].advice, "no autopilot (component 1) speaks"));
+    fixture.input.another_id = true;
+    expect_one(HEALTH_FAULT, "another system id speaks");
+    assert_non_null(strstr(health.problem[0].advice, "set it back"));
+    fixture.input.another_id = false;
     /* A ground station's frames come by mavlink-router: what carries them is right. */
     fixture.input.others_only = true;
     expect_one(HEALTH_FAULT, "autopilot is silent");

@@ -267,12 +267,12 @@ static void a_rate_is_asked_of_the_autopilot(void **state)
     mavlink_command_long_t command;
 
     (void)state;
-    pilot_ask_rate(&pilot, VEHICLE, 9, 12901, 250000);
+    pilot_ask_rate(&pilot, VEHICLE, 12901, 250000);
     assert_int_equal(sent_count, 1);
     assert_int_equal(sent[0].msgid, MAVLINK_MSG_ID_COMMAND_LONG);
     mavlink_msg_command_long_decode(&sent[0], &command);
     assert_int_equal(command.command, 511); /* MAV_CMD_SET_MESSAGE_INTERVAL */
-    assert_int_equal(command.target_system, 9);
+    assert_int_equal(command.target_system, VEHICLE);
     assert_int_equal(command.target_component, 1);
     assert_true(command.param1 == 12901);
     assert_true(command.param2 == 250000);
