@@ -30,8 +30,17 @@ static void the_percentile(void **state)
     assert_int_equal(lateness.skipped, 2);
     assert_int_equal(lateness.max_us, 40000);
     assert_int_equal(slot_lateness_p99_us(&lateness), 150); /* the bucket's end */
+    /* A machine that is late by some milliseconds was said to be as late as it ever was. */
     for (int i = 0; i < 100; i++) {
-        slot_lateness_add(&lateness, 3150, 0);
+        slot_lateness_add(&lateness, 3199, 0);
+    }
+    assert_int_equal(slot_lateness_p99_us(&lateness), 3200);
+    for (int i = 0; i < 100; i++) {
+        slot_lateness_add(&lateness, 3701, 0);
+    }
+    assert_int_equal(slot_lateness_p99_us(&lateness), 3800);
+    for (int i = 0; i < 100; i++) {
+        slot_lateness_add(&lateness, 15800, 0);
     }
     assert_int_equal(slot_lateness_p99_us(&lateness), 40000); /* the last bucket has no end */
     slot_lateness_add(&lateness, -5, 0);
