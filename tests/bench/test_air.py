@@ -103,7 +103,7 @@ def test_only_mavlink_router_speaks_to_another_program(flying):
     assert 14550 in ports and len(ports) > 1
     for port in ports:
         for who in ("0 0", "65534 65534"):
-            assert flying.must(f"{faults.TOOL} say {who} {port} 00 2").strip() == "0", (port, who)
+            assert flying.must(f"{faults.TOOL} say {who} 127.0.0.1 {port} 00 2").strip() == "0", (port, who)
     before = flying.status()["mavlink"]["frames"]
     flying.wait_for("what mavlink-router says", lambda: flying.status()["mavlink"]["frames"] > before)
     assert flying.status()["link"]["senders"] == 1

@@ -18,7 +18,7 @@ from .machine import Machine, configuration
 
 SECONDS = 8
 GAP_S = 0.6
-ROOT, ODID_WEB, MAVLINK = "0 0", "991 990", "993 993"
+ROOT, ODID_WEB, HAWKBIT, MAVLINK = "0 0", "991 990", "992 992", "993 993"
 PROCESSES = "pidof odid-daemon hostapd mavlink-routerd"
 
 
@@ -63,7 +63,7 @@ def from_the_board(flown):
     forger = Speaker(1, 1)
     for who in (ROOT, ODID_WEB):
         frame = (forger.heartbeat(DISARMED) + forger.position(flown.attacker.boot_ms() + 500)).hex()
-        flown.seen[who] = int(flown.machine.must(f"{faults.TOOL} say {who} 14550 {frame} 200"))
+        flown.seen[who] = int(flown.machine.must(f"{faults.TOOL} say {who} 127.0.0.1 14550 {frame} 200"))
 
 
 ATTACKS = {one.__name__: one for one in (crafted, elsewhere, disarmed, another_vehicle, from_the_board)}
@@ -136,7 +136,14 @@ def test_what_was_sent_came_as_far_as_it_may(flown):
     assert after["refused"] == before["refused"]
     assert flown.seen[ROOT] == flown.seen[ODID_WEB] == 0, "what only mavlink-router may say passed the filter"
     frame = Speaker(9, 1).heartbeat(DISARMED).hex()
-    assert int(flown.machine.must(f"{faults.TOOL} say {MAVLINK} 14550 {frame} 5")) == 5
+    assert int(flown.machine.must(f"{faults.TOOL} say {MAVLINK} 127.0.0.1 14550 {frame} 5")) == 5
+
+
+@pytest.mark.parametrize("who, taken", [(HAWKBIT, 0), (ODID_WEB, 0), (MAVLINK, 5)])
+def test_nobody_else_speaks_to_the_ground_station_as_the_vehicle(flown, who, taken):
+    """hawkBit's client, taken over, told the pilot what it liked."""
+    frame = Speaker(1, 1).heartbeat(DISARMED).hex()
+    assert int(flown.machine.must(f"{faults.TOOL} say {who} {HOST} {flown.attacker.port} {frame} 5")) == taken
 
 
 def test_armed_opens_nothing(flown):

@@ -2,6 +2,7 @@
 with programs that only note how they were called. What needs a whole machine is in tests/bench.
 """
 
+import json
 import os
 import re
 import signal
@@ -203,10 +204,10 @@ wait $!
 """
 
 
-def judged(appliance, port, heard, before=":", unread="00000000", wait="until [ $(cat /looks | wc -l) -gt 3 ]; do usleep 10000; done"):
+def judged(appliance, port, heard, another_id=False, before=":", unread="00000000", wait="until [ $(cat /looks | wc -l) -gt 3 ]; do usleep 10000; done"):
     """What autopilot-judge did in its first looks, and whether the router lives."""
     appliance.write("run/mavlink-router.port", port + "\n100\n")
-    appliance.write("status.json", '{ "speaks": %s }\n' % ("true" if heard else "false"))
+    appliance.write("status.json", json.dumps({"speaks": heard, "another_id": another_id}, indent=1) + "\n")
     appliance.write("etc/passwd", "mavlink:x:993:993::/:/bin/false\n")
     appliance.write("udp", "  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid  timeout inode\n"
                            "   7: 00000000:8D6C 00000000:0000 07 00000000:00000A00 00:00000000 00000000     0        0 11 2\n"
@@ -221,6 +222,12 @@ def judged(appliance, port, heard, before=":", unread="00000000", wait="until [ 
 def test_a_port_without_an_autopilot_is_left_for_the_others(two_autopilots):
     calls, lives = judged(two_autopilots, "/dev/ttyACM1", heard=False)
     assert set(calls) == {"sv term mavlink-router"} and lives
+    assert not two_autopilots.exists("data/odid/autopilot-port")
+
+
+def test_the_port_where_another_system_id_speaks_is_not_left(two_autopilots):
+    """In flight the router was started again each four seconds, and nobody got through that could set it back."""
+    assert judged(two_autopilots, "/dev/ttyACM1", heard=False, another_id=True) == ([], True)
     assert not two_autopilots.exists("data/odid/autopilot-port")
 
 
@@ -507,6 +514,8 @@ def test_the_ground_station_is_heard_by_its_own_way_only(appliance, address, dro
             'burst 8 kbytes counter drop')
     rules = loaded(appliance)
     assert (rule in rules) == (rate in rules) == drops
+    only_the_router = 'add rule inet odid output oif != "lo" udp dport != 53 meta skuid != { "root", "mavlink" } counter drop'
+    assert only_the_router in rules  # hawkBit's client, taken over, told the pilot what it liked, as the vehicle
     assert 'insert rule inet odid input ip daddr 192.168.41.0/24 iif != "lo" iifname != "wlan0" counter drop' in rules
 
 
@@ -2153,6 +2162,13 @@ def test_a_power_cut_after_a_disk_was_mended_is_no_first_start(in_memory, result
     mend(in_memory)
     in_memory.must("rm -rf /data /run/faults/*; mv /run/mended /data; mkdir /run/mended; /etc/init.d/S30data")
     assert "was set in /data is lost" in in_memory.fault("settings")
+
+
+def test_a_check_that_was_ended_has_said_nothing_of_the_disk(in_memory):
+    """For want of memory, say: the disk was made anew, flight records and all."""
+    in_memory.write("usr/bin/e2fsck", "#!/bin/sh\nkill -KILL $$\n")
+    mend(in_memory)
+    assert "can't be repaired" in in_memory.fault("data") and "mke2fs" not in str(in_memory.calls())
 
 
 @pytest.mark.parametrize("before, lost", [("", False), ("mkdir /run/looked/secrets", True)])

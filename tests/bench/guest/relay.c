@@ -310,7 +310,7 @@ static bool is_shut_command(const unsigned char *frame)
     return !is_judged(said.command);
 }
 
-/* An autopilot takes another one at once, and in the air. */
+/* ArduPilot takes another one at once, and in the air; PX4 at its next start. */
 static bool is_system_id(const unsigned char *frame)
 {
     const unsigned char *payload = frame + (frame[0] == 0xFE ? 6 : 10);
@@ -318,8 +318,11 @@ static bool is_system_id(const unsigned char *frame)
     if (message_of(frame) != MAVLINK_MSG_ID_PARAM_SET)
         return false;
     memcpy(&said, payload, frame[1] < sizeof(said) ? frame[1] : sizeof(said));
-    return strncasecmp(said.param_id, "SYSID_THISMAV", sizeof(said.param_id)) == 0 ||
-           strncasecmp(said.param_id, "MAV_SYSID", sizeof(said.param_id)) == 0;
+    static const char *const names[] = {"SYSID_THISMAV", "MAV_SYSID", "MAV_SYS_ID", "MAV_COMP_ID"};
+    for (size_t i = 0; i < sizeof(names) / sizeof(*names); i++)
+        if (strncasecmp(said.param_id, names[i], sizeof(said.param_id)) == 0)
+            return true;
+    return false;
 }
 
 static bool may_enter(const struct filter *filter, const unsigned char *frame)

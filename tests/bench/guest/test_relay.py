@@ -281,6 +281,8 @@ RULES = {
     "another system id": (parameter("SYSID_THISMAV"), False, False),
     "the same in MAVLink 1": (parameter("MAV_SYSID", version=1), False, False),
     "the same, as ArduPilot reads it": (parameter("sysid_Thismav"), False, False),
+    "PX4's": (parameter("MAV_SYS_ID"), False, False),
+    "PX4's component": (parameter("MAV_COMP_ID"), False, False),
     "another parameter": (parameter("SYSID_MYGCS"), True, False),
     "as another autopilot": (heartbeat(FOREIGN), False, False),
     "signed": (heartbeat_with(1, STATION), True, False),

@@ -8,12 +8,13 @@
  *                                  when the kernel has killed it
  *     fault flood SOCKET UID GID PROCESSES SECONDS  so many processes of that user connect to a
  *                                  UNIX socket, again and again; prints how often they could
- *     fault say UID GID PORT HEX COUNT  that user sends so many datagrams to a port of this
- *                                  machine, 10 ms apart; prints how many the kernel took
+ *     fault say UID GID ADDRESS PORT HEX COUNT  that user sends so many datagrams there, 10 ms
+ *                                  apart; prints how many the kernel took
  *     fault notice UID GID STATUS  that user says something as SWUpdate's notifier does
  *     fault radio-remove ID        takes a mac80211_hwsim radio away
  *     fault radio-create MAC       adds one with this address */
 
+#include <arpa/inet.h>
 #include <errno.h>
 #include <grp.h>
 #include <linux/genetlink.h>
@@ -207,10 +208,11 @@ static void flood(const char *path, uid_t uid, gid_t gid, unsigned processes, un
 
 /* --- datagrams of a local process ------------------------------------------------- */
 
-static void say(uid_t uid, gid_t gid, uint16_t port, const char *hex, unsigned count)
+static void say(uid_t uid, gid_t gid, const char *address, uint16_t port, const char *hex,
+                unsigned count)
 {
     struct sockaddr_in to = {
-        .sin_family = AF_INET, .sin_port = htons(port), .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
+        .sin_family = AF_INET, .sin_port = htons(port), .sin_addr.s_addr = inet_addr(address)};
     unsigned char octets[1024];
     size_t length = 0;
     unsigned taken = 0;
@@ -334,9 +336,9 @@ int main(int argc, char **argv)
     } else if (strcmp(what, "flood") == 0 && argc == 7) {
         flood(argv[2], (uid_t)atoi(argv[3]), (gid_t)atoi(argv[4]), (unsigned)atoi(argv[5]),
               (unsigned)atoi(argv[6]));
-    } else if (strcmp(what, "say") == 0 && argc == 7) {
-        say((uid_t)atoi(argv[2]), (gid_t)atoi(argv[3]), (uint16_t)atoi(argv[4]), argv[5],
-            (unsigned)atoi(argv[6]));
+    } else if (strcmp(what, "say") == 0 && argc == 8) {
+        say((uid_t)atoi(argv[2]), (gid_t)atoi(argv[3]), argv[4], (uint16_t)atoi(argv[5]), argv[6],
+            (unsigned)atoi(argv[7]));
     } else if (strcmp(what, "notice") == 0 && argc == 5) {
         notice((uid_t)atoi(argv[2]), (gid_t)atoi(argv[3]), atoi(argv[4]));
     } else if (strcmp(what, "radio-remove") == 0) {

@@ -160,8 +160,10 @@ static void ask_vehicle(const struct aircraft_condition *condition, uint8_t vehi
 {
     struct asking_request request;
 
-    if (!telemetry_vehicle_speaks(self.telemetry, now_us)) {
-        return; /* it may be in its boot loader */
+    /* On the ground it may be in its boot loader. In the air somebody may have switched off what it
+     * says, and kept its answers from us meanwhile: nothing would come until power-off. */
+    if (!telemetry_vehicle_speaks(self.telemetry, now_us) && !condition->armed) {
+        return;
     }
     if (vehicle != self.asked_vehicle || condition->autopilot_restarts != self.asked_boot) {
         self.asked_vehicle = vehicle;

@@ -289,6 +289,7 @@ static void add_aircraft(struct json_object *root, const struct status_snapshot 
 
     add_bool(object, "heartbeat", known);
     add_bool(object, "speaks", snapshot->input.speaks);
+    add_bool(object, "another_id", snapshot->input.another_id);
     /* Without HEARTBEATs an old "no" is none; a "yes" may come of what it does. */
     add(object, "armed",
         known || condition->armed ? json_object_new_boolean(condition->armed) : NULL);

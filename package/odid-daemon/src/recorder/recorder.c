@@ -231,8 +231,9 @@ static void take_needs(struct recorder *recorder, const struct recorder_snapshot
         recorder->seen[RECORDER_CHANNEL + channel] &= required;
     }
     need_of_daemon(recorder, RECORDER_LINK, snapshot->link, in_flight,
-                   snapshot->speaks ? "no HEARTBEAT from the autopilot"
-                                    : "nothing is heard from the autopilot");
+                   snapshot->speaks       ? "no HEARTBEAT from the autopilot"
+                   : snapshot->another_id ? "another system id speaks than the vehicle's"
+                                          : "nothing is heard from the autopilot");
     need_of_daemon(recorder, RECORDER_POSITION, snapshot->position, in_flight,
                    "no position from the autopilot");
     need_of_daemon(recorder, RECORDER_IDENTITY, snapshot->identity, started,

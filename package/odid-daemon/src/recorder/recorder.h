@@ -49,6 +49,7 @@ struct recorder_snapshot {
     bool emergency, failure, simulated;
     bool link, position, identity; /* as they should be */
     bool speaks;                   /* the autopilot does, with its HEARTBEAT or without */
+    bool another_id;               /* it doesn't, and one of another system id does */
     int64_t unix_us;               /* UTC by the autopilot; 0 when unknown */
     struct recorder_board board;
 };

@@ -65,6 +65,7 @@ void recorder_snapshot(struct recorder_snapshot *snapshot, struct json_object *s
     snapshot->link = strcmp(recorder_json_text(status, "link.state", ""), "alive") == 0 &&
                      recorder_json_true(status, "aircraft.heartbeat");
     snapshot->speaks = recorder_json_true(status, "aircraft.speaks");
+    snapshot->another_id = recorder_json_true(status, "aircraft.another_id");
     snapshot->position = recorder_json_true(status, "position.fresh");
     snapshot->identity = json_object_is_type(ids, json_type_array) &&
                          json_object_array_length(ids) > 0 &&

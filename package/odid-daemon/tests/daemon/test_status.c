@@ -87,11 +87,11 @@ static void stable_names(void **state)
                   "speed_mps vertical_speed_mps timestamp_s status status_source");
     expect_fields(root, "operator", "source location_type latitude_deg longitude_deg altitude_m");
     expect_fields(root, "time", "known utc");
-    expect_fields(
-        root, "aircraft",
-        "heartbeat speaks armed emergency simulated mav_type autopilot restarts takeoff_known "
-        "takeoff_is_home takeoff_is_late fix_known vertical_inverted position_rate_hz "
-        "refused_messages");
+    expect_fields(root, "aircraft",
+                  "heartbeat speaks another_id armed emergency simulated mav_type autopilot "
+                  "restarts takeoff_known "
+                  "takeoff_is_home takeoff_is_late fix_known vertical_inverted position_rate_hz "
+                  "refused_messages");
     expect_fields(root, "configuration", "errors fingerprint sentences");
     expect_fields(root, "schedule", "slots skipped slot_lateness_p99_us slot_lateness_max_us");
     expect_fields(root, "privilege", "realtime filter filter_logging");

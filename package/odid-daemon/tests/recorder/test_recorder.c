@@ -388,6 +388,12 @@ static void a_missing_heartbeat_is_not_called_silence(void **state)
     bench.snapshot.link = bench.snapshot.speaks = false;
     pass(1);
     expect_line("\"what\":\"link\",\"text\":\"nothing is heard from the autopilot\"}");
+    bench.snapshot.link = true;
+    pass(1);
+    bench.snapshot.link = false;
+    bench.snapshot.another_id = true;
+    pass(1);
+    expect_line("\"what\":\"link\",\"text\":\"another system id speaks than the vehicle's\"}");
 }
 
 static void a_channel_that_never_comes_is_a_fault_after_a_while(void **state)

@@ -118,7 +118,10 @@ static void a_link_without_heartbeat_is_none(void **state)
     assert_true(snapshot.speaks);
     fixture.input.speaks = false;
     take_fixture();
-    assert_false(snapshot.speaks);
+    assert_false(snapshot.speaks || snapshot.another_id);
+    fixture.input.another_id = true;
+    take_fixture();
+    assert_true(snapshot.another_id);
     fixture.condition.heartbeat_fresh = true;
     fixture.view.basic_ids = 0;
     take_fixture();
