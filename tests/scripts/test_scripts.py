@@ -2,7 +2,6 @@
 with programs that only note how they were called. What needs a whole machine is in tests/bench.
 """
 
-import json
 import os
 import re
 import signal
@@ -204,10 +203,10 @@ wait $!
 """
 
 
-def judged(appliance, port, heard, another_id=False, before=":", unread="00000000", wait="until [ $(cat /looks | wc -l) -gt 3 ]; do usleep 10000; done"):
+def judged(appliance, port, heard, before=":", unread="00000000", wait="until [ $(cat /looks | wc -l) -gt 3 ]; do usleep 10000; done"):
     """What autopilot-judge did in its first looks, and whether the router lives."""
     appliance.write("run/mavlink-router.port", port + "\n100\n")
-    appliance.write("status.json", json.dumps({"speaks": heard, "another_id": another_id}, indent=1) + "\n")
+    appliance.write("status.json", '{ "speaks": %s }\n' % ("true" if heard else "false"))
     appliance.write("etc/passwd", "mavlink:x:993:993::/:/bin/false\n")
     appliance.write("udp", "  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid  timeout inode\n"
                            "   7: 00000000:8D6C 00000000:0000 07 00000000:00000A00 00:00000000 00000000     0        0 11 2\n"
@@ -225,10 +224,16 @@ def test_a_port_without_an_autopilot_is_left_for_the_others(two_autopilots):
     assert not two_autopilots.exists("data/odid/autopilot-port")
 
 
-def test_the_port_where_another_system_id_speaks_is_not_left(two_autopilots):
-    """In flight the router was started again each four seconds, and nobody got through that could set it back."""
-    assert judged(two_autopilots, "/dev/ttyACM1", heard=False, another_id=True) == ([], True)
-    assert not two_autopilots.exists("data/odid/autopilot-port")
+@pytest.mark.parametrize("last, armed, left", [
+    (ACM_NAME, "armed once 1", False), (ACM_NAME, "unknown once 1", False), (ACM_NAME, "disarmed no 1 silent", True),
+    (FTDI_NAME, "armed once 1", True), ("", "armed once 1", True)])
+def test_in_the_air_the_kept_port_is_not_left(two_autopilots, last, armed, left):
+    """Its messages were switched off for some seconds: from then on all ports were listened to, and nobody asked it any more."""
+    if last:
+        two_autopilots.write("data/odid/autopilot-port", last + "\n")
+    two_autopilots.write("armed", armed + "\n")
+    calls, lives = judged(two_autopilots, "/dev/ttyACM1", heard=False)
+    assert (set(calls), lives) == ({"sv term mavlink-router"} if left else set(), True)
 
 
 def test_the_port_where_the_autopilot_is_heard_is_kept(two_autopilots):
@@ -514,8 +519,10 @@ def test_the_ground_station_is_heard_by_its_own_way_only(appliance, address, dro
             'burst 8 kbytes counter drop')
     rules = loaded(appliance)
     assert (rule in rules) == (rate in rules) == drops
-    only_the_router = 'add rule inet odid output oif != "lo" udp dport != 53 meta skuid != { "root", "mavlink" } counter drop'
-    assert only_the_router in rules  # hawkBit's client, taken over, told the pilot what it liked, as the vehicle
+    # hawkBit's client, taken over, told the pilot what it liked, as the vehicle; the daemon by a socket that was root's.
+    assert ('add rule inet odid output oif != "lo" udp dport != 53 meta skuid { "odid", "odid-web", "odid-hawkbit", "hostapd", '
+            '"odid-beacons" } counter drop') in rules
+    assert 'add rule inet odid output oif != "lo" udp sport 14550 counter drop' in rules
     assert 'insert rule inet odid input ip daddr 192.168.41.0/24 iif != "lo" iifname != "wlan0" counter drop' in rules
 
 
@@ -2164,9 +2171,10 @@ def test_a_power_cut_after_a_disk_was_mended_is_no_first_start(in_memory, result
     assert "was set in /data is lost" in in_memory.fault("settings")
 
 
-def test_a_check_that_was_ended_has_said_nothing_of_the_disk(in_memory):
+@pytest.mark.parametrize("ended", ["kill -KILL $$", "exit 33"])  # that it was told to end; with errors corrected before
+def test_a_check_that_was_ended_has_said_nothing_of_the_disk(in_memory, ended):
     """For want of memory, say: the disk was made anew, flight records and all."""
-    in_memory.write("usr/bin/e2fsck", "#!/bin/sh\nkill -KILL $$\n")
+    in_memory.write("usr/bin/e2fsck", f"#!/bin/sh\n{ended}\n")
     mend(in_memory)
     assert "can't be repaired" in in_memory.fault("data") and "mke2fs" not in str(in_memory.calls())
 

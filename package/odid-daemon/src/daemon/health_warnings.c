@@ -174,7 +174,7 @@ static void judge_data(struct health *health, const struct health_input *input)
                 "take-off point is the first fix after arming");
     }
     judge_altitudes(health, input);
-    if (input->unheard) {
+    if (input->unheard && input->speaks) {
         WARNING("autopilot-hears-nothing",
                 input->signs
                     ? "It signs its frames, and takes no others: switch MAVLink signing off "

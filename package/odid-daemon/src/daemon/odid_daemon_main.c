@@ -160,9 +160,10 @@ static void ask_vehicle(const struct aircraft_condition *condition, uint8_t vehi
 {
     struct asking_request request;
 
-    /* On the ground it may be in its boot loader. In the air somebody may have switched off what it
-     * says, and kept its answers from us meanwhile: nothing would come until power-off. */
-    if (!telemetry_vehicle_speaks(self.telemetry, now_us) && !condition->armed) {
+    /* One that was there is asked on while it is silent: somebody may have switched off what it
+     * says, and kept its answers from us. Nothing would come until power-off. */
+    if (!telemetry_vehicle_speaks(self.telemetry, now_us) && !condition->armed &&
+        telemetry_heartbeat_us(self.telemetry) == INT64_MIN) {
         return;
     }
     if (vehicle != self.asked_vehicle || condition->autopilot_restarts != self.asked_boot) {

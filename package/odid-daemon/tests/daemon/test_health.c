@@ -562,6 +562,9 @@ static void what_the_autopilot_does_not_hear_is_told(void **state)
     fixture.input.signs = true;
     expect_one(HEALTH_WARNING, "autopilot hears nothing of us");
     assert_non_null(strstr(health.problem[0].advice, "signing off"));
+    fixture.input.speaks = false; /* it is asked all the same, and can't answer */
+    judge();
+    assert_int_equal(health.count, 0);
 }
 
 /* It was on the air, and its controller says now that it can't. */
