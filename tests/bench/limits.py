@@ -7,6 +7,6 @@ AIR_S = {f"{channel}_location_content_{name}_s": limit_s
 BOOT_S = {"bt4": 4.0, "wifi": 5.0}
 
 
-def arguments():
-    """The judge's."""
-    return [word for name, limit_s in AIR_S.items() for word in ("--limit", f"{name}={limit_s}")]
+def arguments(kind=""):
+    """The judge's, of all or of those of one kind ("p99")."""
+    return [word for name, limit_s in AIR_S.items() if kind in name for word in ("--limit", f"{name}={limit_s}")]

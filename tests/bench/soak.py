@@ -17,6 +17,7 @@ import subprocess
 import sys
 import time
 from collections import namedtuple
+from itertools import pairwise
 from pathlib import Path
 
 if __package__ is None:
@@ -24,7 +25,7 @@ if __package__ is None:
 
 import parts
 import program
-from bench import flights, limits
+from bench import flights, gaps, limits, wifi
 from bench.machine import CHANNELS, Machine, missing
 from measure.runs import violations_without_time
 
@@ -82,6 +83,32 @@ def growth(samples):
     return {name: last[name] - first[name] for name in GROWTH}
 
 
+def longest_waits(contents, standstills):
+    """{channel: (seconds, how many of them the emulated machine stood still)} of what a receiver waited for a newer position.
+    In a long run a machine stands still now and then, and that is no word about the code: the longest is taken without.
+    standstills: (CLOCK_MONOTONIC in seconds at its end, seconds)."""
+    def still_s(begun, ended):
+        return sum(seconds for at, seconds in standstills if begun < at <= ended)
+
+    waits = {}
+    for channel in ("bt4", "wifi"):
+        intervals = [(ended - begun, still_s(begun, ended)) for begun, ended in pairwise(contents.newer[channel])]
+        waits[channel] = max(intervals, key=lambda one: one[0] - one[1])
+    return waits
+
+
+def too_long(waits):
+    """Says them all; returns what is wrong with them."""
+    problems = []
+    for channel, (seconds, still_s) in waits.items():
+        limit_s = limits.AIR_S[f"{channel}_location_content_max_s"]
+        print(f"{channel}: at most {seconds:.3f} s for a newer position, {still_s:.3f} s of them the emulated machine stood still "
+              f"({limit_s} allowed without)")
+        if seconds - still_s > limit_s:
+            problems.append(f"{channel}: {seconds - still_s:.3f} s for a newer position")
+    return problems
+
+
 def fly(machine, seconds):
     """The flight, judged and looked at. The judge's exit code, the samples, and what speaks against its verdict."""
     machine.power_on()
@@ -90,7 +117,7 @@ def fly(machine, seconds):
     machine.wait_on_air(position=True)
     time.sleep(3)
     judge = machine.judge(seconds, "--played", machine.folder / "played.jsonl", "--expect", ",".join(CHANNELS),
-                          *limits.arguments(), out=FOLDER)
+                          *limits.arguments("_p99_"), out=FOLDER)
     start, samples = time.monotonic(), []
     try:
         while (at_s := time.monotonic() - start) < seconds - 5:
@@ -122,6 +149,11 @@ def main():
         machine.close()
     (FOLDER / "samples.json").write_text(json.dumps([one._asdict() for one in samples], indent=1) + "\n")
     grown, problems = growth(samples), [] if code == 0 or disturbed else [f"the judge ended with {code}"]
+    unix_s = time.time() - time.monotonic()
+    late = too_long(longest_waits(gaps.Contents(FOLDER / "receptions.jsonl"),
+                                  [(at - unix_s, seconds) for at, seconds in wifi.standstills(machine.pcap)]))
+    if late and not disturbed:
+        problems += late
     for name, limit in GROWTH.items():
         print(f"{name}: grew by {grown[name]} ({limit} allowed)")
         if grown[name] > limit:
@@ -133,7 +165,7 @@ def main():
     commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=parts.ROOT, capture_output=True, text=True)
     if code != 0 and disturbed and (violations := violations_without_time(FOLDER, FOLDER / "machine/played.jsonl")):
         problems.append(f"{violations} violations that no other work explains")
-    verdict = "FAIL" if problems else "not judged" if code != 0 else "PASS"
+    verdict = "FAIL" if problems else "not judged" if code != 0 or late else "PASS"
     figures.update({f"growth_{name}": value for name, value in grown.items()}, soak_s=seconds, disturbed=disturbed,
                    commit=commit.stdout.strip() or "unknown", verdict=verdict,
                    date=datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds"))

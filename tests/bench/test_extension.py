@@ -26,7 +26,7 @@ while :; do
 done'
 """
 # In so few seconds a p99 is the worst interval but one; so it is the worst ones that are judged.
-WORST = [word for name, limit_s in limits.AIR_S.items() if "_max_" in name for word in ("--limit", f"{name}={limit_s}")]
+WORST = limits.arguments("_max_")
 GROUP = "/sys/fs/cgroup/greedy"
 
 

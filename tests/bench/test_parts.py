@@ -9,13 +9,14 @@ import socket
 import struct
 import threading
 import time
+import types
 
 import parts
 import pytest
 from models import tlog
 from models.flight import write_flight
 
-from . import flights, gaps, rights, runs, soak
+from . import flights, gaps, rights, runs, soak, wifi
 from .machine import Shell, configuration
 from .tap import HEADER, MAGIC, RECORD, Stream
 
@@ -180,6 +181,37 @@ def samples(*descriptors):
 ])
 def test_what_grows_is_told_from_what_comes_and_goes(descriptors, grown):
     assert soak.growth(samples(*descriptors))["file_descriptors"] == grown
+
+
+def beacons(path, *intervals_ms):
+    at_us = 1_000_000_000
+    with open(path, "wb") as out:
+        out.write(bytes(wifi.PCAP_HEADER))
+        for interval_ms in (0, *intervals_ms):
+            at_us += round(1000 * interval_ms)
+            frame = bytes((0, 0, 8, 0, 0, 0, 0, 0, wifi.BEACON)) + bytes(40)
+            out.write(RECORD.pack(at_us // 1_000_000, at_us % 1_000_000, len(frame), len(frame)) + frame)
+    return path
+
+
+@pytest.mark.parametrize("intervals_ms, stood_still_s", [
+    ([102.4, 218.2, 1.7, 87.5, 102.4], [0.116]), ([102.4, 244.2, 61.4, 102.4], [0.142]), ([102.4, 204.4, 0.1, 105], [0.102]),
+    ([102.4, 140, 64.8, 102.4], []),         # not for long
+    ([102.4, 2000, 102.4, 102.4], []),       # off, and on again
+    ([102.4, 204.8, 102.4, 102.4], []),      # one wasn't received
+])
+def test_an_emulated_machine_that_stands_still_is_told_from_an_access_point_that_is_off(tmp_path, intervals_ms, stood_still_s):
+    found = list(wifi.standstills(beacons(tmp_path / "pcap", *intervals_ms)))
+    assert [round(seconds, 3) for _, seconds in found] == stood_still_s
+
+
+def test_a_wait_is_judged_without_what_the_machine_stood_still():
+    """One beacon that was 0.12 s late among 5858 made half an hour's verdict."""
+    contents = types.SimpleNamespace(newer={"bt4": [1.0, 1.3, 1.6], "wifi": [1.0, 1.512, 1.9, 2.45]})
+    waits = soak.longest_waits(contents, [(1.4, 0.116), (2.5, 0.2)])
+    assert {channel: tuple(round(one, 3) for one in wait) for channel, wait in waits.items()} == {"bt4": (0.3, 0), "wifi": (0.55, 0)}
+    assert soak.too_long(waits) == ["wifi: 0.550 s for a newer position"]
+    assert soak.too_long({"wifi": (0.512, 0.116)}) == []
 
 
 # --- what processes may do ------------------------------------------------------------

@@ -1,12 +1,14 @@
 """Wi-Fi as a station sees it: a capture's frames and their elements; and one that tries to get in."""
 
 import struct
+from itertools import pairwise
 from pathlib import Path
 
 from models.air import FIXED_FIELDS, VENDOR_ELEMENT
 
 PCAP_HEADER, PCAP_RECORD = 24, 16
 BEACON, PROBE_RESPONSE = 0x80, 0x50
+BEACON_INTERVAL_S = 0.1024  # hostapd.conf's 100 TU
 
 
 def frames(path, kind, since=0.0):
@@ -19,6 +21,15 @@ def frames(path, kind, since=0.0):
         frame = packet[int.from_bytes(packet[2:4], "little"):]
         if frame[:1] == bytes([kind]) and seconds + micros / 1e6 >= since:
             yield seconds + micros / 1e6, frame[FIXED_FIELDS:]
+
+
+def standstills(path, late_s=0.05):
+    """(Unix time of its end, seconds): when the emulated machine stood still, as its beacons tell. Its kernel sends them by a
+    timer, whatever its programs do: one is late, and the next one is where it would have been."""
+    intervals = list(pairwise(at for at, _ in frames(path, BEACON)))
+    for (before, late), (_, after) in pairwise(intervals):
+        if late - before > BEACON_INTERVAL_S + late_s and after - late < BEACON_INTERVAL_S - late_s / 2:
+            yield late, late - before - BEACON_INTERVAL_S
 
 
 def elements(row):

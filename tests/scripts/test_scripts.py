@@ -236,6 +236,18 @@ def test_in_the_air_the_kept_port_is_not_left(two_autopilots, last, armed, left)
     assert (set(calls), lives) == ({"sv term mavlink-router"} if left else set(), True)
 
 
+@pytest.mark.parametrize("last, heard_first, left", [
+    ("usb-Other-if00", True, False), ("usb-Other-if00", False, True), (FTDI_NAME, True, True)])
+def test_in_the_air_a_port_where_it_was_heard_is_not_left_for_one_that_is_gone(two_autopilots, last, heard_first, left):
+    """With another adapter than at the last flight it was."""
+    two_autopilots.write("data/odid/autopilot-port", last + "\n")
+    two_autopilots.write("armed", "armed once 1\n")
+    wait = ("""until [ $(cat /looks | wc -l) -gt 2 ]; do usleep 10000; done; echo '{ "speaks": false }' >/status.json
+            until [ $(cat /looks | wc -l) -gt 6 ]; do usleep 10000; done""")
+    calls, lives = judged(two_autopilots, "/dev/ttyACM1", heard=heard_first, wait=wait)
+    assert (set(calls), lives) == ({"sv term mavlink-router"} if left else set(), True)
+
+
 def test_the_port_where_the_autopilot_is_heard_is_kept(two_autopilots):
     assert judged(two_autopilots, "/dev/ttyUSB0", heard=True) == ([], True)
     assert two_autopilots.read("data/odid/autopilot-port") == FTDI_NAME + "\n"
@@ -523,6 +535,10 @@ def test_the_ground_station_is_heard_by_its_own_way_only(appliance, address, dro
     assert ('add rule inet odid output oif != "lo" udp dport != 53 meta skuid { "odid", "odid-web", "odid-hawkbit", "hostapd", '
             '"odid-beacons" } counter drop') in rules
     assert 'add rule inet odid output oif != "lo" udp sport 14550 counter drop' in rules
+    # The page's program, taken over, connected to whom it liked by a socket that had been accepted, or that root had opened.
+    assert 'add rule inet odid output tcp flags & (syn | ack) == syn tcp sport { 22, 80 } counter drop' in rules
+    assert 'add rule inet odid output tcp flags & (syn | ack) == syn meta skuid "odid-web" counter drop' in rules
+    assert 'add rule inet odid output meta skuid "odid-hawkbit" ct state new limit rate over 5/second burst 20 packets counter drop' in rules
     assert 'insert rule inet odid input ip daddr 192.168.41.0/24 iif != "lo" iifname != "wlan0" counter drop' in rules
 
 

@@ -9,6 +9,7 @@ import struct
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import patience
 import pytest
@@ -52,7 +53,7 @@ def remember(folder, ustate):
 
 @pytest.fixture
 def start(server, tmp_path):
-    """start(ustate): the client, as overlay/etc/sv/swupdate/run starts it; in place of the one before."""
+    """start(ustate): the client, as overlay/etc/sv/swupdate/run starts it; in place of the one before. Returns SWUpdate's process id."""
     started = []
 
     def end():
@@ -84,6 +85,7 @@ identify: ( {{ name = "version"; value = "1.0.0"; }} );
                 env=os.environ | {"TMPDIR": str(tmp_path)}, stdout=log, stderr=log))
         polls = server.polls
         wait_for("a poll", lambda: server.polls > polls)
+        return started[-1].pid
 
     yield start
     end()
@@ -99,6 +101,22 @@ def no_bundle(tmp_path):
 def more_polls(server):
     polls = server.polls
     wait_for("more polls", lambda: server.polls > polls + 2)
+
+
+def sockets_of(pid):
+    """What it holds of sockets that wait for somebody, and of named ones: each line of /proc/net/unix."""
+    held = {os.readlink(one)[len("socket:["):-1] for one in Path(f"/proc/{pid}/fd").iterdir() if os.readlink(one).startswith("socket:[")}
+    return [line.split() for line in Path("/proc/net/unix").read_text().splitlines()[1:] if line.split()[6] in held]
+
+
+def test_the_client_answers_nobody_in_swupdate_s_place(start, tmp_path):
+    """It had its listening sockets: taken over, it took a person's bundle, and said of its own that a person had asked."""
+    parent = start()
+    client, = Path(f"/proc/{parent}/task/{parent}/children").read_text().split()
+    listening = 1 << 16  # __SO_ACCEPTCON
+    assert {one[7] for one in sockets_of(parent) if int(one[3], 16) & listening} >= {str(tmp_path / "sockinstctrl")}
+    assert not [one for one in sockets_of(client) if int(one[3], 16) & listening]
+    assert {one[7] for one in sockets_of(client) if len(one) > 7} == {f"@Notify{client}"}
 
 
 @pytest.mark.parametrize("field", ["update", "download"])
