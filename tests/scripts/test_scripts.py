@@ -171,6 +171,17 @@ def test_where_listening_takes_too_long_the_one_that_had_the_autopilot_last_is_t
     assert "/dev/ttyUSB0" in two_autopilots.read("began") and two_autopilots.fault("autopilot") is None
 
 
+@pytest.mark.parametrize("armed, last, port", [
+    ("armed once 1", FTDI_NAME, "/dev/ttyUSB0"), ("disarmed once 1 said", FTDI_NAME, "/dev/ttyACM0"), ("armed once 1", "", "/dev/ttyACM0")])
+def test_in_the_air_the_kept_port_is_taken_without_listening(two_autopilots, armed, last, port):
+    """A router that was started again in flight listened to all ports again and again: what the autopilot says had been switched off."""
+    two_autopilots.write("armed", armed + "\n")
+    if last:
+        two_autopilots.write("data/odid/autopilot-port", last + "\n")
+    search(two_autopilots, "echo /dev/ttyACM0")
+    assert port in two_autopilots.read("began")
+
+
 def test_what_a_device_keeps_in_the_kernel_holds_the_service_s_start_for_a_moment_only(two_autopilots):
     """It is in the group still when the autopilot is found: who listens to a device that doesn't answer can't be ended."""
     two_autopilots.change("lib/odid/functions", ('while read -r left', 'while echo 7 >"$group/cgroup.procs"; read -r left'))
@@ -323,6 +334,14 @@ def test_a_router_that_hangs_is_ended(appliance, hang):
 def test_a_router_that_waits_for_its_autopilot_or_hears_it_is_left_alone(appliance, heard, hang):
     appliance.port("ttyACM0", "1-1", 0, **PIXHAWK)
     assert judged(appliance, "/dev/ttyACM0", heard, **hang) == ([], True)
+
+
+def test_a_router_that_is_flooded_is_left_alone(appliance):
+    """It works off what comes: at two looks there was something, and it was killed in the air."""
+    appliance.port("ttyACM0", "1-1", 0, **PIXHAWK)
+    drained = """cp /udp /unread; sed s/00000300/00000000/ /udp >/read
+        (while kill -0 $router; do cp /unread /new; mv /new /udp; usleep 200000; cp /read /new; mv /new /udp; usleep 40000; done 2>/dev/null) &"""
+    assert judged(appliance, "/dev/ttyACM0", heard=False, before=drained, unread="00000300") == ([], True)
 
 
 def test_the_judge_ends_with_its_router(appliance):
