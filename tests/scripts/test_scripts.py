@@ -171,13 +171,16 @@ def test_where_listening_takes_too_long_the_one_that_had_the_autopilot_last_is_t
     assert "/dev/ttyUSB0" in two_autopilots.read("began") and two_autopilots.fault("autopilot") is None
 
 
-@pytest.mark.parametrize("armed, last, port", [
-    ("armed once 1", FTDI_NAME, "/dev/ttyUSB0"), ("disarmed once 1 said", FTDI_NAME, "/dev/ttyACM0"), ("armed once 1", "", "/dev/ttyACM0")])
-def test_in_the_air_the_kept_port_is_taken_without_listening(two_autopilots, armed, last, port):
+@pytest.mark.parametrize("armed, kept, heard, port", [
+    ("armed once 1", FTDI_NAME, FTDI_NAME, "/dev/ttyUSB0"), ("unknown once 1", FTDI_NAME, FTDI_NAME, "/dev/ttyUSB0"),
+    ("disarmed once 1 said", FTDI_NAME, FTDI_NAME, "/dev/ttyACM0"), ("armed once 1", "", "", "/dev/ttyACM0"),
+    ("armed once 1", FTDI_NAME, "", "/dev/ttyACM0"), ("armed once 1", FTDI_NAME, ACM_NAME, "/dev/ttyACM0")])
+def test_in_the_air_the_kept_port_is_taken_without_listening(two_autopilots, armed, kept, heard, port):
     """A router that was started again in flight listened to all ports again and again: what the autopilot says had been switched off."""
     two_autopilots.write("armed", armed + "\n")
-    if last:
-        two_autopilots.write("data/odid/autopilot-port", last + "\n")
+    for name, value in {"data/odid/autopilot-port": kept, "run/mavlink-router.heard": heard}.items():
+        if value:
+            two_autopilots.write(name, value + "\n")
     search(two_autopilots, "echo /dev/ttyACM0")
     assert port in two_autopilots.read("began")
 
@@ -235,28 +238,38 @@ def test_a_port_without_an_autopilot_is_left_for_the_others(two_autopilots):
     assert not two_autopilots.exists("data/odid/autopilot-port")
 
 
-@pytest.mark.parametrize("last, armed, left", [
-    (ACM_NAME, "armed once 1", False), (ACM_NAME, "unknown once 1", False), (ACM_NAME, "disarmed no 1 silent", True),
-    (FTDI_NAME, "armed once 1", True), ("", "armed once 1", True)])
-def test_in_the_air_the_kept_port_is_not_left(two_autopilots, last, armed, left):
+HEARD_THEN_SILENT = """until [ $(cat /looks | wc -l) -gt 2 ]; do usleep 10000; done; echo '{ "speaks": false }' >/status.json
+    until [ $(cat /looks | wc -l) -gt 6 ]; do usleep 10000; done"""
+
+
+@pytest.mark.parametrize("kept, heard, armed, left", [
+    (ACM_NAME, True, "armed once 1", False), (ACM_NAME, True, "unknown once 1", False), (ACM_NAME, True, "disarmed once 1 silent", True),
+    (ACM_NAME, False, "armed once 1", True),         # the autopilot was heard elsewhere since power-on, and this one is dead
+    ("usb-Other-if00", True, "armed once 1", False),  # another adapter than at the last flight
+    ("usb-Other-if00", False, "armed once 1", True), (FTDI_NAME, True, "armed once 1", True)])
+def test_in_the_air_the_port_where_it_was_heard_is_not_left(two_autopilots, kept, heard, armed, left):
     """Its messages were switched off for some seconds: from then on all ports were listened to, and nobody asked it any more."""
-    if last:
-        two_autopilots.write("data/odid/autopilot-port", last + "\n")
+    two_autopilots.write("data/odid/autopilot-port", kept + "\n")
     two_autopilots.write("armed", armed + "\n")
-    calls, lives = judged(two_autopilots, "/dev/ttyACM1", heard=False)
+    calls, lives = judged(two_autopilots, "/dev/ttyACM1", heard=heard, wait=HEARD_THEN_SILENT)
     assert (set(calls), lives) == ({"sv term mavlink-router"} if left else set(), True)
 
 
-@pytest.mark.parametrize("last, heard_first, left", [
-    ("usb-Other-if00", True, False), ("usb-Other-if00", False, True), (FTDI_NAME, True, True)])
-def test_in_the_air_a_port_where_it_was_heard_is_not_left_for_one_that_is_gone(two_autopilots, last, heard_first, left):
-    """With another adapter than at the last flight it was."""
-    two_autopilots.write("data/odid/autopilot-port", last + "\n")
+def test_in_the_air_the_port_where_the_last_router_heard_it_is_not_left(two_autopilots):
+    for name in "data/odid/autopilot-port", "run/mavlink-router.heard":
+        two_autopilots.write(name, ACM_NAME + "\n")
     two_autopilots.write("armed", "armed once 1\n")
-    wait = ("""until [ $(cat /looks | wc -l) -gt 2 ]; do usleep 10000; done; echo '{ "speaks": false }' >/status.json
-            until [ $(cat /looks | wc -l) -gt 6 ]; do usleep 10000; done""")
-    calls, lives = judged(two_autopilots, "/dev/ttyACM1", heard=heard_first, wait=wait)
-    assert (set(calls), lives) == ({"sv term mavlink-router"} if left else set(), True)
+    assert judged(two_autopilots, "/dev/ttyACM1", heard=False) == ([], True)
+
+
+def test_one_that_is_heard_later_is_kept_all_the_same(appliance):
+    """The only port was judged once: one that was silent at the first look was never kept."""
+    appliance.port("ttyACM1", "1-1", 0, **PIXHAWK)
+    wait = """until [ $(cat /looks | wc -l) -gt 2 ]; do usleep 10000; done; echo '{ "speaks": true }' >/status.json
+        until [ $(cat /looks | wc -l) -gt 5 ]; do usleep 10000; done"""
+    assert judged(appliance, "/dev/ttyACM1", heard=False, wait=wait) == ([], True)
+    name = appliance.read("data/odid/autopilot-port")
+    assert name and appliance.read("run/mavlink-router.heard") == name
 
 
 def test_the_port_where_the_autopilot_is_heard_is_kept(two_autopilots):

@@ -54,6 +54,7 @@ struct fake_controller {
     size_t takes;          /* that it does take */
     bool knows_length;     /* of data on a connection: 4.2 and later */
     /* faults */
+    bool takes_both;           /* legacy commands after extended ones, and the other way round */
     bool until_reset;          /* answers nothing until it is reset */
     bool mute, holds, no_room; /* no answer; no answer yet; answers, but takes no more */
     uint16_t refused;          /* a command that is refused once, ... */
@@ -124,7 +125,7 @@ static uint8_t fake_legacy(struct fake_controller *fake, uint16_t opcode, const 
 {
     struct fake_set *set = &fake->sets[0];
 
-    if (fake->extended_used) {
+    if (fake->extended_used && !fake->takes_both) {
         return 0x0C;
     }
     fake->legacy_used = opcode != 0x2005;
@@ -204,7 +205,7 @@ static uint8_t fake_extended(struct fake_controller *fake, uint16_t opcode, cons
     if (!(fake->features & FAKE_EXTENDED)) {
         return 0x01;
     }
-    if (fake->legacy_used) {
+    if (fake->legacy_used && !fake->takes_both) {
         return 0x0C;
     }
     fake->extended_used = true;

@@ -244,9 +244,10 @@ def parameter(name, version=2):
 FORMS = (common.MAVLink_command_long_message, common.MAVLink_command_int_message)
 # That it wants to see the autopilot's CAN bus, where it is, that its receivers fail, where its origin is, which way it points
 # (EXTERNAL_ATTITUDE_ESTIMATE, compass offsets), which of its sources count (SET_EKF_SOURCE_SET, ESTIMATOR_SENSOR_ENABLE, or a
-# switch's function, DO_AUX_FUNCTION), and what nobody knows yet.
+# switch's function, DO_AUX_FUNCTION), that all its parameters, its system id among them, are as at first (PREFLIGHT_STORAGE), and
+# what nobody knows yet.
 SHUT_COMMANDS = (32000, 43003, 420, 611, 620, 242, 42004, 42005, 42006, 42007, 43006, 218,
-                 0, 15, 219, 309, 610, 621, 12900, 43004, 65535)
+                 0, 15, 219, 245, 309, 610, 621, 12900, 43004, 65535)
 
 # What a peer says, and whether it passes where the vehicle's system and component 1 are blocked, and where only
 # component 236 is allowed.

@@ -144,6 +144,15 @@ static void append_clock(char sentence[FLIGHT_SENTENCE_SIZE], const struct recor
     }
 }
 
+/* What stood there may have been a silence. */
+static void append_damage(char sentence[FLIGHT_SENTENCE_SIZE], const struct recorder_flight *record)
+{
+    if (record->bad > 0) {
+        append(sentence, "; %u line%s of the record can't be understood", record->bad,
+               record->bad == 1 ? "" : "s");
+    }
+}
+
 /* Each start costs a moment of everything, which may be too short to be a gap. */
 static void append_restarts(char sentence[FLIGHT_SENTENCE_SIZE],
                             const struct recorder_flight *record)
@@ -231,6 +240,7 @@ void flight_judge(char sentence[FLIGHT_SENTENCE_SIZE], const struct flight *flig
     } else if (record->totals.armed_us > 0) {
         judge_flight(sentence, record);
         append_bounds(sentence, flight);
+        append_damage(sentence, record);
     } else if (record->totals.armed_since_us != INT64_MIN) {
         append(sentence, "just armed");
         append_bounds(sentence, flight);

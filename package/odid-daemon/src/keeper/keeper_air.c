@@ -23,6 +23,7 @@ struct adapter {
     struct hci hci;
     struct loop_timer timeout;
     uint16_t opcode; /* of the command whose answer is awaited */
+    bool legacy_off; /* the legacy command has switched it off */
     bool known;      /* hci and timeout are initialised */
 };
 
@@ -108,11 +109,13 @@ static void take_answer(struct adapter *adapter, uint8_t status, int64_t now_us)
 {
     char reason[48];
 
-    if (status == BLUETOOTH_SUCCESS) {
-        end_adapter(adapter, NULL, now_us);
-    } else if (adapter->opcode == BLUETOOTH_SET_ENABLE) {
-        /* Disallowed where extended commands were used; then those do it. */
+    if (adapter->opcode == BLUETOOTH_SET_ENABLE) {
+        /* Disallowed where extended commands were used; then those do it. Not every controller
+         * keeps to that: both are sent. */
+        adapter->legacy_off = status == BLUETOOTH_SUCCESS;
         command(adapter, BLUETOOTH_SET_EXTENDED_ENABLE, now_us);
+    } else if (status == BLUETOOTH_SUCCESS || adapter->legacy_off) {
+        end_adapter(adapter, NULL, now_us);
     } else {
         snprintf(reason, sizeof(reason), "refused with status 0x%02x", status);
         end_adapter(adapter, reason, now_us);

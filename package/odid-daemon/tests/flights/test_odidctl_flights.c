@@ -420,6 +420,24 @@ static void what_nobody_looked_at_is_in_the_verdict(void **state)
     expect("   14.0 s  nobody looked for 7.0 s\n");
 }
 
+/* A silence may stand in a line that was damaged: "on the air the whole flight", and no more. */
+static void that_a_record_is_damaged_is_in_the_verdict(void **state)
+{
+    char *line;
+
+    (void)state;
+    take_off();
+    pass(30);
+    end();
+    line = strchr(bench.text.bytes, '\n');
+    assert_non_null(line);
+    line[1] = 'x';
+    put_record(7, 0);
+    assert_int_equal(show("7", "", false), 0);
+    expect("on the air the whole flight");
+    expect("; 1 line of the record can't be understood\n");
+}
+
 /* A flight of a simulator, or of somebody else's word, passed for one that was proven. */
 static void what_was_sent_of_a_simulation_is_in_the_verdict(void **state)
 {
@@ -608,6 +626,7 @@ int main(void)
         TEST(it_may_have_flown_when_nobody_said_that_it_did_not),
         TEST(one_in_detail),
         TEST(what_nobody_looked_at_is_in_the_verdict),
+        TEST(that_a_record_is_damaged_is_in_the_verdict),
         TEST(what_was_sent_of_a_simulation_is_in_the_verdict),
         TEST(a_clock_that_jumps_redates_nothing_and_is_in_the_verdict),
         TEST(what_every_receiver_was_told_is_in_the_verdict),

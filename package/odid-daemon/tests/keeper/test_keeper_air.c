@@ -81,7 +81,7 @@ static void legacy_advertising_is_switched_off(void **state)
     assert_false(controller.sets[0].enabled);
     assert_string_equal(off, controller.adapter);
     assert_string_equal(left, "");
-    assert_int_equal(controller.count, 1);
+    assert_int_equal(controller.count, 2);
 }
 
 /* After extended commands, the legacy one is disallowed. */
@@ -94,6 +94,19 @@ static void both_advertising_sets_are_switched_off(void **state)
     take_off(500);
     assert_false(controller.sets[0].enabled);
     assert_false(controller.sets[1].enabled);
+    assert_string_equal(off, controller.adapter);
+    assert_string_equal(left, "");
+}
+
+/* It said that it was off, of the first set; the second one was on the air for ever. */
+static void a_controller_that_takes_the_legacy_command_as_well_is_sent_both(void **state)
+{
+    (void)state;
+    controller.takes_both = true;
+    controller.sets[0].enabled = controller.sets[1].enabled = true;
+    with_controller();
+    take_off(500);
+    assert_false(controller.sets[0].enabled || controller.sets[1].enabled);
     assert_string_equal(off, controller.adapter);
     assert_string_equal(left, "");
 }
@@ -322,6 +335,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(legacy_advertising_is_switched_off),
         TEST(both_advertising_sets_are_switched_off),
+        TEST(a_controller_that_takes_the_legacy_command_as_well_is_sent_both),
         TEST(a_controller_that_refuses_or_is_silent_is_named),
         TEST(a_controller_that_is_not_there_is_off_the_air),
         TEST(a_port_that_cannot_be_shared_is_left_alone_and_named),
