@@ -564,8 +564,9 @@ def test_the_ground_station_is_heard_by_its_own_way_only(appliance, address, dro
     rules = loaded(appliance)
     assert (rule in rules) == (rate in rules) == drops
     # hawkBit's client, taken over, told the pilot what it liked, as the vehicle; the daemon by a socket that was root's.
-    assert ('add rule inet odid output oif != "lo" udp dport != 53 meta skuid { "odid", "odid-web", "odid-hawkbit", "hostapd", '
-            '"odid-beacons" } counter drop') in rules
+    assert ('add rule inet odid output oif != "lo" meta l4proto udp meta skuid { "odid", "odid-web", "hostapd", "odid-beacons" } '
+            'counter drop') in rules
+    assert 'add rule inet odid output oif != "lo" udp dport != 53 meta skuid "odid-hawkbit" counter drop' in rules
     assert 'add rule inet odid output oif != "lo" udp sport 14550 counter drop' in rules
     # The page's program, taken over, connected to whom it liked by a socket that had been accepted, or that root had opened.
     assert 'add rule inet odid output tcp flags & (syn | ack) == syn tcp sport { 22, 80 } counter drop' in rules
@@ -712,6 +713,14 @@ def test_the_access_point_is_closed(appliance):
     assert "vendor_elements" not in made and "@" not in str(made)
     assert re.fullmatch("[0-9a-f]{64}", key) and key != KEY
     assert hostapd(appliance)[1] != key, "the random key is the same each time"
+
+
+@pytest.mark.parametrize("file, name", [("RemoteID-1234", "RemoteID-1234"), ("", "RemoteID"), (None, "RemoteID")])
+def test_the_access_point_has_the_name_of_which_its_key_is_made(appliance, file, name):
+    """A name whose line had no end any more: hostapd had another one, and no password fitted."""
+    if file is not None:
+        appliance.write("data/secrets/wifi_ssid", file)
+    assert hostapd(appliance)[0]["ssid"] == name
 
 
 def test_hostapd_reads_its_files_by_its_group_and_nobody_else_does(appliance):
