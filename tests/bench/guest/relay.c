@@ -310,7 +310,8 @@ static bool is_shut_command(const unsigned char *frame)
     return !is_judged(said.command);
 }
 
-/* ArduPilot takes another one at once, and in the air; PX4 at its next start. */
+/* ArduPilot takes another one at once, and in the air; PX4 at its next start. By the last three all
+ * parameters are as at first then. */
 static bool is_system_id(const unsigned char *frame)
 {
     const unsigned char *payload = frame + (frame[0] == 0xFE ? 6 : 10);
@@ -318,7 +319,9 @@ static bool is_system_id(const unsigned char *frame)
     if (message_of(frame) != MAVLINK_MSG_ID_PARAM_SET)
         return false;
     memcpy(&said, payload, frame[1] < sizeof(said) ? frame[1] : sizeof(said));
-    static const char *const names[] = {"SYSID_THISMAV", "MAV_SYSID", "MAV_SYS_ID", "MAV_COMP_ID"};
+    static const char *const names[] = {"SYSID_THISMAV", "MAV_SYSID",      "MAV_SYS_ID",
+                                        "MAV_COMP_ID",   "FORMAT_VERSION", "SYSID_SW_MREV",
+                                        "SYS_AUTOCONFIG"};
     for (size_t i = 0; i < sizeof(names) / sizeof(*names); i++)
         if (strncasecmp(said.param_id, names[i], sizeof(said.param_id)) == 0)
             return true;

@@ -240,12 +240,14 @@ void flight_judge(char sentence[FLIGHT_SENTENCE_SIZE], const struct flight *flig
     } else if (record->totals.armed_us > 0) {
         judge_flight(sentence, record);
         append_bounds(sentence, flight);
-        append_damage(sentence, record);
     } else if (record->totals.armed_since_us != INT64_MIN) {
         append(sentence, "just armed");
         append_bounds(sentence, flight);
     } else {
         judge_unarmed(sentence, record);
+    }
+    if (record->started) {
+        append_damage(sentence, record);
     }
     append_clock(sentence, record);
 }
