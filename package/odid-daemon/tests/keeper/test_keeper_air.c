@@ -71,6 +71,14 @@ static void take_off(int ms)
     assert_int_equal(done, 1);
 }
 
+static void expect_all_off(void)
+{
+    assert_false(controller.sets[0].enabled);
+    assert_false(controller.sets[1].enabled);
+    assert_string_equal(off, controller.adapter);
+    assert_string_equal(left, "");
+}
+
 static void legacy_advertising_is_switched_off(void **state)
 {
     (void)state;
@@ -78,9 +86,7 @@ static void legacy_advertising_is_switched_off(void **state)
     controller.sets[0].known = controller.sets[0].enabled = true;
     with_controller();
     take_off(500);
-    assert_false(controller.sets[0].enabled);
-    assert_string_equal(off, controller.adapter);
-    assert_string_equal(left, "");
+    expect_all_off();
     assert_int_equal(controller.count, 2);
 }
 
@@ -92,10 +98,7 @@ static void both_advertising_sets_are_switched_off(void **state)
     controller.sets[0].enabled = controller.sets[1].enabled = true;
     with_controller();
     take_off(500);
-    assert_false(controller.sets[0].enabled);
-    assert_false(controller.sets[1].enabled);
-    assert_string_equal(off, controller.adapter);
-    assert_string_equal(left, "");
+    expect_all_off();
 }
 
 /* It said that it was off, of the first set; the second one was on the air for ever. */
@@ -106,9 +109,7 @@ static void a_controller_that_takes_the_legacy_command_as_well_is_sent_both(void
     controller.sets[0].enabled = controller.sets[1].enabled = true;
     with_controller();
     take_off(500);
-    assert_false(controller.sets[0].enabled || controller.sets[1].enabled);
-    assert_string_equal(off, controller.adapter);
-    assert_string_equal(left, "");
+    expect_all_off();
 }
 
 static void a_controller_that_refuses_or_is_silent_is_named(void **state)
