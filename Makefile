@@ -62,6 +62,7 @@ help:
 	@echo 'make faults-without  faults done to an appliance that lacks what is there against them'
 	@echo 'make smoke-without   the smoke of make test without what each of its tests proves: all have to fail'
 	@echo 'make soak       the appliance in flight for half an hour: nothing may go wrong or grow'
+	@echo 'make fuzz       the fuzzers: FUZZ_SECONDS=3600 each, FUZZERS="hci web" only these'
 	@echo 'make bench      measures the daemon beside the field study'\''s figures'
 	@echo 'make daemon     only builds the daemon: build/daemon'
 	@echo 'make appliance  only builds the disk that the bench boots: build/appliance/disk.img'
@@ -82,7 +83,7 @@ help:
 	@echo 'FLIGHT=<log>    the flight to play (default: a generated one)'
 	@echo 'SECONDS=<n>     how much of it the demo plays'
 	@echo 'TEST_DATA=<dir> where recorded flights and captures are (default: ../shared/data)'
-	@echo 'IMAGE=<disk>    the release image for QEMU instead of the bench'\''s: build/image/qemu/images/disk.img'
+	@echo 'IMAGE=<disk>    a release image instead of the bench'\''s: build/image/qemu/images/disk.img, or cm4'\''s'
 	@echo 'LOSS=<model>    receptions that the listener drops, for the edge of range'
 	@echo 'BOARD=qemu      the release image for QEMU instead of the CM4; DL_DIR=<dir> keeps its sources,'
 	@echo '                BUILDROOT_DIR=<dir> IMAGE_CONFIG=<file> IMAGE_OUT=<dir>: board/common/image.mk'
@@ -272,6 +273,11 @@ level-unit: unit
 		--no-tests=error --output-on-failure \
 		--test-output-size-passed 1000000 --test-output-size-failed 1000000 \
 		--output-junit $(CURDIR)/build/test/unit.xml
+
+# Some of them, or longer: FUZZERS="hci web" FUZZ_SECONDS=3600.
+.PHONY: fuzz
+fuzz: fuzzers
+	@$(RUN) tests/run/fuzz.py --seconds $(FUZZ_SECONDS) --jobs $(JOBS) $(FUZZERS)
 
 level-fuzz: fuzzers
 	$(LEVEL) fuzz $(RUN) tests/run/fuzz.py --seconds $(FUZZ_SECONDS) --jobs $(JOBS) \

@@ -14,6 +14,7 @@ from pathlib import Path
 import patience
 import pytest
 import quiet
+from bench.cm4 import missing_for_cm4
 from bench.machine import missing
 
 TIMED = bool(os.environ.get("ODID_TIMED"))
@@ -29,7 +30,7 @@ def pytest_configure(config):
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
     for item in items:
-        if "machine_possible" in item.fixturenames:
+        if {"machine_possible", "cm4_possible"} & set(item.fixturenames):
             item.add_marker("booted")
 
 
@@ -44,6 +45,14 @@ def emulation_possible():
 @pytest.fixture(scope="session")
 def machine_possible(emulation_possible):
     """Asked for by every fixture that boots the appliance."""
+
+
+@pytest.fixture(scope="session")
+def cm4_possible():
+    """The same on the Compute Module's board."""
+    reason = missing_for_cm4()
+    if reason:
+        pytest.skip(reason)
 
 
 @pytest.fixture

@@ -6,68 +6,39 @@ drivers that fly, and the appliance's disk as its card.
   wifi.pcap <- wifi_chip.py <------ USB -------+  appliance   +-- USB serial port <- player.py
   the judge listens to both         brcmfmac   +--------------+   usb_serial.py: unplug(), plug()
 
-What it is and isn't: README.md. Here the machine plays the boot loader's part, too: the emulated card reads 1 MB/s, and
-Debian's kernel has 33.
+What it is and isn't: README.md. Cm4 is the bench's appliance, or with IMAGE= the image that is flashed, each started its own
+way.
 """
 
-import subprocess
+import re
 
 import parts
 
 from . import disk as disks
+from . import raspi4b
 from .machine import Machine, missing
 
 HOME = parts.ROOT / "build/qemu-raspi/usr"
 QEMU = HOME / "bin/qemu-system-aarch64"
-TREE = disks.APPLIANCE / "cm4.dtb"
 CARD_OCTETS = 512 << 20  # the emulated controller wants a power of two
-BLUETOOTH = "/soc/serial@7e201000/bluetooth"
-CARD = "/soc/mmc@7e300000"  # where the board has its Wi-Fi chip
-# What the machine hasn't got. Those it knows it takes out of the tree itself, by their "compatible".
-KNOWN = ("/scb/pcie@7d500000", "/scb/ethernet@7d580000", "/soc/rng@7e104000", "/soc/avs-monitor@7d5d2000/thermal",
-         "/soc/watchdog@7e100000")
-ABSENT = ("/gpu", "/emmc2bus/mmc@7e340000", "/soc/serial@7e215040")
+FLASHED = disks.IMAGE.resolve().parent != disks.APPLIANCE
 SCREENS = ("hdmi", "hvs", "pixelvalve", "vec", "txp", "dsi", "v3d", "dvp", "interrupt-controller@7ef", "clock@7ef", "i2c@7ef")
 # Of the firmware's pins, by which the board switches its radios, the machine has none.
-WITHOUT = ((BLUETOOTH, "shutdown-gpios"), (CARD, "mmc-pwrseq"))
-ADDRESS = ("1", "2", "3", "32", "a6", "dc")  # the module's own, last octet first, as the firmware writes it
-# The kernel's messages by its early console: as a program's console the machine's uart1 interrupts without end.
-ARGUMENTS = ("root=PARTUUID=0d1d2024-06 ro rootfstype=squashfs rootwait panic=5 odid.slot=a "
-             "earlycon=uart8250,mmio32,0xfe215040 keep_bootcon")
+PIN = (raspi4b.BLUETOOTH, "shutdown-gpios")
 
 
 def missing_for_cm4():
     """Why this machine can't be started here, or None."""
-    if reason := missing():
+    if reason := missing("cm4" if FLASHED else "qemu"):
         return reason
-    if disks.IMAGE.parent != disks.APPLIANCE:
-        return f"{disks.IMAGE} is made for another board"
-    for path, how in ((QEMU, "make qemu-raspi"), (TREE, "make appliance")):
+    for path, how in ((QEMU, "make qemu-raspi"), (disks.IMAGE.with_name(Cm4.tree), "make appliance")):
         if not path.exists():
             return f"{path} isn't there: {how}"
     return None
 
 
-def fitted_tree(out):
-    """A copy of the board's tree, as the firmware would have completed it, without what the machine lacks."""
-    out.write_bytes(TREE.read_bytes())
-
-    def put(node, name, *values, kind="s"):
-        disks.call("fdtput", "-t", kind, out, node, name, *values)
-    nodes = disks.call("fdtget", "-l", out, "/soc").split()
-    for node in (*KNOWN, *ABSENT, *(f"/soc/{node}" for node in nodes if node.startswith(SCREENS))):
-        put(node, "status", "disabled")
-    for node in KNOWN:
-        put(node, "compatible", "absent")
-    for node, name in WITHOUT:
-        disks.call("fdtput", "-d", out, node, name)
-    disks.call("fdtput", "-r", out, f"{CARD}/wifi@1")
-    put(BLUETOOTH, "local-bd-address", *ADDRESS, kind="bx")
-    return out
-
-
-class Cm4(Machine):
-    """The same as Machine; `front` is the Bluetooth chip, `wifi` the other one, `port` the autopilot's."""
+class Board(Machine):
+    """The same as Machine; `front` is the Bluetooth chip, `wifi` the other one, `port` the autopilot's. How it is started: below."""
 
     channels = ("bt4", "wifi")
     disk_octets = CARD_OCTETS
@@ -78,15 +49,6 @@ class Cm4(Machine):
         self._mode = mode
         super().__init__(folder, config)
         self._boot_files()
-
-    def _boot_files(self):
-        """Kernel and initial file system, out of the disk's slot a."""
-        offset, _ = self.disk.place(disks.SLOT_A)
-        for name in ("Image", "initrd"):
-            with open(self.folder / name, "wb") as out:
-                subprocess.run(["unsquashfs", "-o", str(offset), "-cat", self.disk.image, f"boot/{name}"], stdout=out,
-                               stdin=subprocess.DEVNULL, check=True)
-        fitted_tree(self.folder / "cm4.dtb")
 
     def _start_radios(self):
         self.front = self._model("bluetooth_chip", "--listen", self.front_port, "--hci-port", self.rootcanal.hci_port,
@@ -114,8 +76,7 @@ class Cm4(Machine):
     def _words(self, rtc, adapter, radios):
         return [
             "setpriv", "--pdeathsig", "KILL", QEMU, "-M", "raspi4b", "-smp", "4", "-display", "none",
-            "-kernel", self.folder / "Image", "-initrd", self.folder / "initrd", "-dtb", self.folder / "cm4.dtb",
-            "-append", ARGUMENTS,
+            *self._started_by(),
             "-qmp", f"unix:{self._sockets}/qmp,server=on,wait=off",
             "-drive", f"if=sd,format=qcow2,cache=unsafe,file={self.disk.path}",
             "-chardev", f"socket,id=bt,host=127.0.0.1,port={self.front_port},nodelay=on", "-serial", "chardev:bt",
@@ -130,3 +91,55 @@ class Cm4(Machine):
     def _environment():
         """With the modules of that very QEMU: the system's are another one's."""
         return parts.environment() | {"QEMU_MODULE_DIR": next(HOME.glob("lib/*/qemu"))}
+
+    def restarted(self):
+        """The appliance restarts itself. raspi4b can't, or ends with that: the power is cut, and switched on again."""
+        self.wait_for("its restart", lambda: self.qemu.process.poll() is not None or re.search(
+            r"reboot: (Restarting system|System halted)", self.console_text()))
+        self.cut_power()
+        self.power_on()
+
+
+class Bench(Board):
+    """The bench's appliance. QEMU plays the boot loader's part, too: the emulated card reads 1 MB/s, and Debian's kernel has 33."""
+
+    tree = "cm4.dtb"
+    arguments = f"root=PARTUUID=0d1d2024-06 ro rootfstype=squashfs rootwait panic=5 odid.slot=a {raspi4b.EARLY_CONSOLE}"
+
+    def _boot_files(self):
+        for name in ("Image", "initrd"):
+            (self.folder / name).write_bytes(disks.inside(self.disk.image, f"boot/{name}"))
+        self._fit_tree(self.folder / self.tree)
+
+    def _fit_tree(self, tree):
+        """As the firmware would have completed it, without what the machine lacks."""
+        tree.write_bytes(disks.IMAGE.with_name(self.tree).read_bytes())
+        nodes = disks.call("fdtget", "-l", tree, "/soc").split()
+        for node in ("/gpu", raspi4b.EMMC, raspi4b.UART1, *(f"/soc/{node}" for node in nodes if node.startswith(SCREENS))):
+            raspi4b.put(tree, node, "status", "disabled")
+        raspi4b.take_out_absent(tree)
+        for node, name in (PIN, (raspi4b.CARD, "mmc-pwrseq")):
+            disks.call("fdtput", "-d", tree, node, name)
+        disks.call("fdtput", "-r", tree, f"{raspi4b.CARD}/wifi@1")
+        raspi4b.put(tree, raspi4b.BLUETOOTH, "local-bd-address", *raspi4b.ADDRESS, kind="bx")
+
+    def _started_by(self):
+        return ["-kernel", self.folder / "Image", "-initrd", self.folder / "initrd", "-dtb", self.folder / self.tree,
+                "-append", self.arguments]
+
+
+class Flashed(Board):
+    """The image that is flashed: QEMU plays the firmware's part, and U-Boot starts it with the tree of its slot."""
+
+    tree = "odid-cm4.dtb"
+
+    def _boot_files(self):
+        raspi4b.firmware_tree(disks.IMAGE.with_name(self.tree), self.folder / self.tree)
+        environment = raspi4b.environment(self.folder / "env", fit_tree=f"{raspi4b.FIT_TREE}; fdt rm {' '.join(PIN)}")
+        self.disk.put_files(disks.ENV, dict.fromkeys(raspi4b.ENV_FILES, environment.read_bytes()))
+
+    def _started_by(self):
+        return ["-kernel", disks.LOADER, "-dtb", self.folder / self.tree]
+
+
+Cm4 = Flashed if FLASHED else Bench

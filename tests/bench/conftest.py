@@ -13,8 +13,8 @@ PASSWORD = "a-test-password"
 GROUND = configuration(maintenance={"password": PASSWORD})
 
 
-def started(folder, **options):
-    machine = Machine(parts.ROOT / "build/system" / folder, **options)
+def started(folder, kind=Machine, **options):
+    machine = kind(parts.ROOT / "build/system" / folder, **options)
     try:
         machine.power_on()
         machine.wait_on_air()

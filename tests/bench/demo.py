@@ -18,7 +18,7 @@ if __package__ is None:
 import patience
 import program
 from bench import limits
-from bench.cm4 import Cm4, missing_for_cm4
+from bench.cm4 import FLASHED, Cm4, missing_for_cm4
 from bench.machine import KERNEL_S, Machine, missing
 from daemon import demo as host_demo
 
@@ -63,8 +63,9 @@ VIRT = (Machine, missing, """Real: the appliance's disk from boot loader to daem
 machine (QEMU), both radios (rootcanal, mac80211_hwsim), the autopilot (a log being played).
 """, (f"(on a quiet machine that is {KERNEL_S:g} s, and {limits.BOOT_S['bt4']:g} and {limits.BOOT_S['wifi']:g} s "
       "are allowed then: make test-all)",))
-CM4 = (Cm4, missing_for_cm4, """Real: the appliance's root, Linux with the board's device tree and both chips' drivers, hostapd, the judge. Models: the
-board (QEMU; no boot loader), both chips (the Wi-Fi one on USB, where the board has SDIO), the air, the autopilot.
+CM4 = (Cm4, missing_for_cm4, f"""Real: {"the image that is flashed, from boot loader to daemon" if FLASHED else "the appliance's root"}, Linux with the
+board's device tree and both chips' drivers, hostapd, the judge. Models: the board (QEMU{"" if FLASHED else "; no boot loader"}), both chips
+(the Wi-Fi one on USB, where the board has SDIO), the air, the autopilot.
 """, ())
 
 

@@ -1,7 +1,9 @@
 """The appliance's disk for one run: a copy-on-write layer over the built image."""
 
+import functools
 import json
 import os
+import re
 import subprocess
 import tempfile
 from contextlib import contextmanager
@@ -26,6 +28,26 @@ def call(*words, **options):
     return result.stdout
 
 
+def places(image):
+    """{partition's number: (offset, size)} in octets."""
+    table = json.loads(call("sfdisk", "--json", image))["partitiontable"]
+    return {int(entry["node"].removeprefix(str(image))): (entry["start"] * SECTOR, entry["size"] * SECTOR)
+            for entry in table["partitions"]}
+
+
+def inside(image, name):
+    """A file of the root in slot a."""
+    offset, _ = places(image)[SLOT_A]
+    return subprocess.run(["unsquashfs", "-o", str(offset), "-cat", image, name], stdout=subprocess.PIPE,
+                          stdin=subprocess.DEVNULL, check=True).stdout
+
+
+@functools.cache
+def board(image=IMAGE):
+    """Which one an image is made for."""
+    return re.search(r"^BOARD=(\S+)$", inside(image, "etc/odid-release").decode(), re.M)[1]
+
+
 class Disk:
     """Changed only while no machine has it."""
 
@@ -39,11 +61,7 @@ class Disk:
 
     def place(self, number):
         """Offset and size of a partition, in octets."""
-        table = json.loads(call("sfdisk", "--json", self.image))["partitiontable"]
-        for entry in table["partitions"]:
-            if entry["node"] == f"{self.image}{number}":
-                return entry["start"] * SECTOR, entry["size"] * SECTOR
-        raise ValueError(f"{self.image}: no partition {number}")
+        return places(self.image)[number]
 
     def _options(self, number):
         offset, size = self.place(number)
@@ -77,13 +95,17 @@ class Disk:
 
     def put_config(self, files):
         """Puts files on the CONFIG volume, as a technician does with a card reader."""
+        self.put_files(CONFIG, files)
+
+    def put_files(self, number, files):
+        """Puts files on a volume of FAT."""
         with tempfile.TemporaryDirectory(dir=self.path.parent) as folder:
             volume, source = Path(folder, "volume"), Path(folder, "file")
-            self.read(CONFIG, volume)
+            self.read(number, volume)
             for name, content in files.items():
                 source.write_bytes(content if isinstance(content, bytes) else content.encode())
                 call("mcopy", "-o", "-i", volume, source, f"::{name}")
-            self.write(CONFIG, volume)
+            self.write(number, volume)
 
     def read_config(self, name):
         """A file of the CONFIG volume, None when there is none."""

@@ -43,14 +43,16 @@ CHANNELS = ("bt4", "bt5", "wifi")
 Result = namedtuple("Result", "code output")
 
 
-def missing():
-    """Why no machine can be started here, or None."""
+def missing(board="qemu"):
+    """Why no machine of this board can be started here, or None."""
     for program, package in ((QEMU, "qemu-system-arm"), ("qemu-img", "qemu-utils"), ("mcopy", "mtools")):
         if not shutil.which(program):
             return f"{program} isn't installed (Debian: {package})"
     for path in (disks.IMAGE, disks.LOADER):
         if not path.exists():
             return f"{path} isn't built: make appliance"
+    if disks.board() != board:
+        return f"{disks.IMAGE} is made for the board {disks.board()}"
     return None
 
 

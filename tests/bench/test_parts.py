@@ -10,6 +10,7 @@ import struct
 import threading
 import time
 import types
+from itertools import accumulate
 
 import parts
 import pytest
@@ -21,9 +22,13 @@ from .machine import Shell, configuration
 from .tap import HEADER, MAGIC, RECORD, Stream
 
 
+def record(frame, at_us):
+    return RECORD.pack(at_us // 1_000_000, at_us % 1_000_000, len(frame), len(frame)) + frame
+
+
 def pcap(*frames, header=True):
     start = HEADER.pack(MAGIC, 2, 4, 0, 0, 65535, 127) if header else b""
-    return start + b"".join(RECORD.pack(1, 2, len(frame), len(frame)) + frame for frame in frames)
+    return start + b"".join(record(frame, 1_000_002) for frame in frames)
 
 
 def frames_of(stream, data, piece):
@@ -184,13 +189,9 @@ def test_what_grows_is_told_from_what_comes_and_goes(descriptors, grown):
 
 
 def beacons(path, *intervals_ms):
-    at_us = 1_000_000_000
-    with open(path, "wb") as out:
-        out.write(bytes(wifi.PCAP_HEADER))
-        for interval_ms in (0, *intervals_ms):
-            at_us += round(1000 * interval_ms)
-            frame = bytes((0, 0, 8, 0, 0, 0, 0, 0, wifi.BEACON)) + bytes(40)
-            out.write(RECORD.pack(at_us // 1_000_000, at_us % 1_000_000, len(frame), len(frame)) + frame)
+    frame = bytes((0, 0, 8, 0, 0, 0, 0, 0, wifi.BEACON)) + bytes(40)
+    times_us = accumulate((round(1000 * each) for each in intervals_ms), initial=1_000_000_000)
+    path.write_bytes(pcap() + b"".join(record(frame, at_us) for at_us in times_us))
     return path
 
 

@@ -2,8 +2,9 @@
 and device tree, root from its own partitions, as far as init, a daemon that reports its missing radios, an
 update that is installed, and what becomes of its trial without radios.
 
-Not covered (docs/hardware-checklist.md): the firmware before U-Boot, whose part QEMU plays with the tree
-that it is given; radios, USB, PCIe, Ethernet, which that machine doesn't have.
+Without the bench's additions and without radios; with them: tests/bench/test_flashed.py. Not covered
+(docs/hardware-checklist.md): the firmware before U-Boot, whose part QEMU plays with the tree that it is given; PCIe and
+Ethernet, which that machine doesn't have.
 """
 
 import json
@@ -17,6 +18,7 @@ import zlib
 from pathlib import Path
 
 import pytest
+from bench import raspi4b
 
 from .conftest import TOP, call, out_of
 from .figures import figures
@@ -27,25 +29,7 @@ CARD_OCTETS = 512 << 20         # the emulated controller wants a power of two
 TIMEOUT_S = 200                 # its card reads 1.7 MB/s
 RECORDED_S = 50                 # from the services' start: 30 s may pass before a channel counts as missing, 10 s
                                 # between two writes of the flight record
-SERIAL = "10000000a1b2c3d4"
 TRIAL_S = 120                   # 60 s are its time
-# What the machine hasn't got; it removes the nodes it knows by their "compatible", and the firmware leaves them,
-# switched off, which is what board.cmd looks for. A watchdog that is started resets it at once.
-ABSENT = ("/scb/pcie@7d500000", "/scb/ethernet@7d580000", "/soc/rng@7e104000", "/soc/avs-monitor@7d5d2000/thermal",
-          "/soc/watchdog@7e100000")
-# What the firmware would have done to the tree; and the machine's card is where the board has its Wi-Fi chip.
-FIRMWARE = [
-    ("-t", "s", "/aliases", "mmc0", "/soc/mmc@7e300000"), ("-t", "s", "/aliases", "mmc1", "/emmc2bus/mmc@7e340000"),
-    ("-t", "s", "/chosen", "stdout-path", "serial1:115200n8"), ("-t", "s", "/soc/serial@7e215040", "status", "okay"),
-    ("-t", "s", "/", "serial-number", SERIAL),
-    ("-t", "bx", "/soc/serial@7e201000/bluetooth", "local-bd-address", "1", "2", "3", "32", "a6", "dc"),
-]
-
-# So for the kernel it isn't one; and the firmware's pins that switch the radios aren't there.
-FIT_TREE = ("fdt rm /soc/mmc@7e300000 mmc-pwrseq; fdt rm /soc/mmc@7e300000/wifi@1; "
-            "fdt set /emmc2bus/mmc@7e340000 status disabled")
-# The kernel's early console on uart1: as a program's console the machine's uart1 interrupts without end.
-BOOTARGS = "earlycon=uart8250,mmio32,0xfe215040 keep_bootcon"
 
 
 class Raspi:
@@ -57,27 +41,18 @@ class Raspi:
         table = call("sfdisk", "--dump", self.card)
         self.starts = {int(number): int(start) * 512 for number, start in
                        re.findall(r"card\.img(\d+) : start= *(\d+)", table)}
-        self.tree = folder / "firmware.dtb"
-        shutil.copy(out / "images/odid-cm4.dtb", self.tree)
-        for kind, what, node, name, *values in FIRMWARE:
-            call("fdtput", kind, what, self.tree, node, name, *values)
-        for node in ABSENT:
-            call("fdtput", "-t", "s", self.tree, node, "status", "disabled")
-            call("fdtput", "-t", "s", self.tree, node, "compatible", "absent")
+        self.tree = raspi4b.firmware_tree(out / "images/odid-cm4.dtb", folder / "firmware.dtb")
 
     def set_variables(self, **variables):
         """In the board's environment, beside what this machine needs."""
-        variables = {"board_bootargs": BOOTARGS, "fit_tree": FIT_TREE} | variables
-        text = (TOP / "board/cm4/u-boot.env").read_text()
-        (self.folder / "env").write_text(text + "".join(f"{name}={value}\n" for name, value in variables.items()))
-        for name in ("uboot.env", "uboot-redund.env"):
-            call("mkenvimage", "-r", "-s", "0x4000", "-o", self.folder / name, self.folder / "env")
-            call("mcopy", "-o", "-i", f"{self.card}@@{self.starts[ENV]}", self.folder / name, f"::{name}")
+        file = raspi4b.environment(self.folder / "env", **variables)
+        for name in raspi4b.ENV_FILES:
+            call("mcopy", "-o", "-i", f"{self.card}@@{self.starts[ENV]}", file, f"::{name}")
 
     def variables(self):
         """What U-Boot would start with now: the newer one of its two files."""
         found = []
-        for name in ("uboot.env", "uboot-redund.env"):
+        for name in raspi4b.ENV_FILES:
             call("mcopy", "-o", "-i", f"{self.card}@@{self.starts[ENV]}", f"::{name}", self.folder / name)
             data = (self.folder / name).read_bytes()
             crc, serial = struct.unpack("<IB", data[:5])

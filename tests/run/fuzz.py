@@ -73,12 +73,15 @@ def main() -> int:
     parser.add_argument("--seconds", type=int, default=20, help="for each fuzzer")
     parser.add_argument("--jobs", type=int, default=2, help="fuzzers at the same time")
     parser.add_argument("--junit", type=Path, help="write the results there as well")
+    fuzzers = {path.stem.removeprefix("fuzz_"): path for path in sorted(SOURCES.glob("*/fuzz_*.c"))}
+    parser.add_argument("names", nargs="*", metavar="fuzzer", help=f"which of {', '.join(fuzzers)} (default: all)")
     options = parser.parse_args()
+    if unknown := set(options.names) - set(fuzzers):
+        parser.error(f"no such fuzzer: {', '.join(sorted(unknown))}; there are {', '.join(fuzzers)}")
 
-    fuzzers = sorted(SOURCES.glob("*/fuzz_*.c"))
     cases = []
     with ThreadPoolExecutor(options.jobs) as pool:
-        for case, figures in pool.map(lambda fuzzer: run(fuzzer, options.seconds), fuzzers):
+        for case, figures in pool.map(lambda name: run(fuzzers[name], options.seconds), options.names or fuzzers):
             cases.append(case)
             print(f"fuzz {case.name}: {'FAILED' if case.failure else 'ok'}, {figures}", flush=True)
             if case.failure:

@@ -563,16 +563,22 @@ def test_the_ground_station_is_heard_by_its_own_way_only(appliance, address, dro
             'burst 8 kbytes counter drop')
     rules = loaded(appliance)
     assert (rule in rules) == (rate in rules) == drops
-    # hawkBit's client, taken over, told the pilot what it liked, as the vehicle; the daemon by a socket that was root's.
-    assert ('add rule inet odid output oif != "lo" meta l4proto udp meta skuid { "odid", "odid-web", "hostapd", "odid-beacons" } '
-            'counter drop') in rules
-    assert 'add rule inet odid output oif != "lo" udp dport != 53 meta skuid "odid-hawkbit" counter drop' in rules
+    # The daemon, taken over, told the pilot what it liked, as the vehicle, by a socket that was root's.
     assert 'add rule inet odid output oif != "lo" udp sport 14550 counter drop' in rules
-    # The page's program, taken over, connected to whom it liked by a socket that had been accepted, or that root had opened.
-    assert 'add rule inet odid output tcp flags & (syn | ack) == syn tcp sport { 22, 80 } counter drop' in rules
-    assert 'add rule inet odid output tcp flags & (syn | ack) == syn meta skuid "odid-web" counter drop' in rules
-    assert 'add rule inet odid output meta skuid "odid-hawkbit" ct state new limit rate over 5/second burst 20 packets counter drop' in rules
     assert 'insert rule inet odid input ip daddr 192.168.41.0/24 iif != "lo" iifname != "wlan0" counter drop' in rules
+
+
+@pytest.mark.parametrize("rule", [
+    # hawkBit's client, taken over, told the pilot what it liked, as the vehicle.
+    'oif != "lo" meta l4proto udp meta skuid { "odid", "odid-web", "hostapd", "odid-beacons" } counter drop',
+    'oif != "lo" udp dport != 53 meta skuid "odid-hawkbit" counter drop',
+    # The page's program, taken over, connected to whom it liked by a socket that had been accepted, or that root had opened.
+    'tcp flags & (syn | ack) == syn tcp sport { 22, 80 } counter drop',
+    'tcp flags & (syn | ack) == syn meta skuid "odid-web" counter drop',
+    'meta skuid "odid-hawkbit" ct state new limit rate over 5/second burst 20 packets counter drop'])
+def test_what_the_board_s_own_programs_say_to_others_is_filtered(appliance, rule):
+    chain = loaded(appliance).partition("chain output {")[2].partition("}\n\n")[0]
+    assert f"\t\t{rule}\n" in chain
 
 
 @pytest.mark.parametrize("before, asks", [("", True), ("7", True), ("9", False)])

@@ -15,7 +15,6 @@ from bench.disk import call
 BUILD = parts.ROOT / "build/update"
 COMMON = parts.ROOT / "board/common"
 KEYS = Path(os.environ.get("KEYS") or parts.ROOT / "build/keys")
-BOARD = "qemu"
 NEWER, OLDER = "9.9.0", "0.0.1"
 
 
@@ -73,11 +72,11 @@ def slot(name, changes):
     return target
 
 
-def bundle(name, version, changes=None, board=BOARD, keys=KEYS, slot_file=None):
+def bundle(name, version, changes=None, board=None, keys=KEYS, slot_file=None):
     """An ordinary bundle, made as a release's is. Its slot is the running system's unless changed."""
     target = BUILD / f"{name}.swu"
     source = slot_file or slot(name, {"etc/odid/version": f"{version}\n".encode()} | (changes or {}))
-    call(COMMON / "make-bundle.sh", source, board, version, keys, target)
+    call(COMMON / "make-bundle.sh", source, board or disks.board(), version, keys, target)
     return target
 
 

@@ -1,5 +1,5 @@
 """python3 -m bench.image: builds build/appliance/{disk.img,slot.img,u-boot.bin,manifest.json}.
-python3 -m bench.image --add-to IMAGE: the same in build/appliance/tested, out of a release image for QEMU.
+python3 -m bench.image --add-to IMAGE: the same in build/appliance/tested, out of a release image.
 
 Called from the project's top folder. Prints a line for each step that had to be done.
 """

@@ -1,15 +1,14 @@
-"""A release image for QEMU with the bench's own additions in its slots: guest/, and Debian's tcpdump and
+"""A release image with the bench's own additions in its slots: guest/, and in QEMU's Debian's tcpdump and
 wpa_supplicant. What is tested, kernel, programs, libraries, boot loader, stays as it was built.
 """
 
-import json
 from pathlib import Path
+
+from bench.disk import SLOT_A, SLOT_B, board, places
 
 from . import debian, ours, root
 from .steps import BuildError, call, sha256, step
 
-SECTOR = 512
-SLOTS = (6, 7)
 # Of the packages in contents.toml. They have libraries of their own: the image's may be built with less.
 PROGRAMS = ("usr/bin/tcpdump", "usr/sbin/wpa_supplicant", "usr/sbin/wpa_cli")
 OWN = Path("usr/lib/bench")
@@ -17,16 +16,9 @@ OWN = Path("usr/lib/bench")
 C_LIBRARY = {"ld-linux-aarch64.so.1", "libc.so.6", "libdl.so.2", "libm.so.6", "libpthread.so.0", "libresolv.so.2", "librt.so.1"}
 
 
-def places(image):
-    """{partition's number: (offset, size)} in octets."""
-    table = json.loads(call("sfdisk", "--json", image))["partitiontable"]
-    return {int(entry["node"].removeprefix(str(image))): (entry["start"] * SECTOR, entry["size"] * SECTOR)
-            for entry in table["partitions"]}
-
-
 def slot_of(image, out):
     """The squashfs in slot a; its own head says how long it is."""
-    offset, _ = places(image)[SLOTS[0]]
+    offset, _ = places(image)[SLOT_A]
     with open(image, "rb") as file:
         file.seek(offset)
         head = file.read(96)
@@ -59,6 +51,8 @@ def tested_root(out, image, sysroot, guest_programs, _hash):
     call("unsquashfs", "-quiet", "-no-progress", "-dest", out, out.with_name("slot.part"))
     out.with_name("slot.part").unlink()
     root.put(root.GUEST / "root", out)
+    if board(image) == "cm4":  # its radios are found as ever, and the judge hears them outside
+        return
     root.put(guest_programs / "hci-attach", out / "usr/sbin/hci-attach")
     for name in PROGRAMS:
         put_program(out, sysroot, name)
@@ -70,7 +64,7 @@ def tested_disk(out, image, slot, _hash):
     call("cp", "--sparse=always", image, out / "disk.img")
     data = (slot / "slot.img").read_bytes()
     with open(out / "disk.img", "r+b") as disk:
-        for number in SLOTS:
+        for number in (SLOT_A, SLOT_B):
             offset, size = places(image)[number]
             if len(data) > size:
                 raise BuildError(f"{image}: with the bench's additions the slot has {len(data)} octets, "
@@ -80,15 +74,17 @@ def tested_disk(out, image, slot, _hash):
 
 
 def add_to(image, indexes, mavlink):
-    """{product's name: path} for a release image; its boot loader lies beside it."""
+    """{product's name: path} for a release image; what else it is started with lies beside it."""
     image = Path(image).resolve()
-    loader = image.with_name("u-boot.bin")
-    for path in (image, loader):
+    if not image.exists():
+        raise BuildError(f"{image} is missing: make image makes it")
+    beside = [image.with_name(name) for name in ("u-boot.bin", *(["odid-cm4.dtb"] if board(image) == "cm4" else []))]
+    for path in beside:
         if not path.exists():
-            raise BuildError(f"{path} is missing: make image BOARD=qemu makes it")
+            raise BuildError(f"{path} is missing: make image BOARD={board(image)} makes it")
     sysroot = debian.sysroot(debian.packages(indexes, " ".join(root.contents()["packages"])))
     guest = ours.guest_programs(root.GUEST, mavlink, inputs=[*sorted(root.GUEST.glob("*.c")), mavlink / "common"])
     tree = tested_root(image, sysroot, guest, sha256(image), inputs=[root.GUEST / "root"])
     slot = root.slot(tree, variant="_tested", inputs=[root.SEAL])
     disk = tested_disk(image, slot, sha256(image))
-    return {"disk.img": disk / "disk.img", "slot.img": slot / "slot.img", "u-boot.bin": loader}
+    return {"disk.img": disk / "disk.img", "slot.img": slot / "slot.img"} | {path.name: path for path in beside}

@@ -26,6 +26,7 @@
  */
 #define SECRETS "secrets"
 #define KEY_FILE SECRETS "/maintenance.psk"
+#define KEY_FILE_MAX 256 /* octets */
 #define MADE_FILE SECRETS "/maintenance.made"
 #define SSID_FILE SECRETS "/wifi_ssid"
 #define SSID_DEFAULT "RemoteID"
@@ -130,13 +131,22 @@ int password_keep(const char *data, const char *password)
     return remove_file(path);
 }
 
+/* Also of one that can't be read now; not of what a failing disk has made of one. */
 bool password_known(const char *data)
 {
-    char path[PLACES_PATH_SIZE];
-    struct stat file;
+    char path[PLACES_PATH_SIZE], *kept;
+    size_t length;
+    bool known;
 
     data_path(data, KEY_FILE, path);
-    return stat(path, &file) == 0 && file.st_size > 0;
+    kept = whole_file_read(path, KEY_FILE_MAX, &length);
+    if (kept == NULL) {
+        return errno != ENOENT;
+    }
+    known = strspn(kept, "0123456789abcdef") == MAINTENANCE_KEY_SIZE - 1;
+    explicit_bzero(kept, length);
+    free(kept);
+    return known;
 }
 
 int password_check(const char *data, const char *password)
@@ -146,7 +156,7 @@ int password_check(const char *data, const char *password)
     int result;
 
     data_path(data, KEY_FILE, path);
-    kept = whole_file_read(path, 256, &length);
+    kept = whole_file_read(path, KEY_FILE_MAX, &length);
     if (kept == NULL || length < sizeof(key) - 1) {
         result = kept == NULL ? -errno : -ENOENT;
         free(kept);

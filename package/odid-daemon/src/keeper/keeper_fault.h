@@ -1,7 +1,8 @@
 /*
  * The appliance's list of faults: one file for each, with one plain sentence
- * for whoever asks odidctl. Ours is "odid-daemon". Without that directory
- * there is no such list, and nothing to do.
+ * for whoever asks odidctl. Ours is "odid-daemon". That directory is made for
+ * the first one; without the one that it is in there is no such list, and
+ * nothing to do.
  */
 #ifndef ODID_KEEPER_FAULT_H
 #define ODID_KEEPER_FAULT_H

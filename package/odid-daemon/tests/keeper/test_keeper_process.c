@@ -522,10 +522,20 @@ static void one_that_dies_when_it_has_spoken_once_is_silent(void **state)
     assert_false(log_has("alive again"));
 }
 
+/* In a container the folder around it is a memory file system of its own. */
+static void a_list_of_faults_is_made(void **state)
+{
+    (void)state;
+    rmdir(faults);
+    run_keeper("speaks once", "0.5", "1.5");
+    assert_true(loop_until(fault_tells_off_air, 3000));
+}
+
 static void without_a_list_of_faults_nothing_is_wrong(void **state)
 {
     (void)state;
     rmdir(faults);
+    snprintf(faults, sizeof(faults), "%s/none/faults", directory);
     run_keeper("hangs once", "0.3", "5");
     assert_true(loop_until(twice, 3000));
     run_ms(300);
@@ -711,6 +721,7 @@ int main(int argc, char *argv[])
         TEST(the_payload_of_one_that_does_not_come_back_is_taken_off),
         TEST(the_fault_stays_until_the_daemon_is_alive),
         TEST(one_that_dies_when_it_has_spoken_once_is_silent),
+        TEST(a_list_of_faults_is_made),
         TEST(without_a_list_of_faults_nothing_is_wrong),
         TEST(the_daemon_has_nothing_of_the_keepers_but_its_pipe),
         TEST(the_port_stays_taken_between_two_daemons),

@@ -6,6 +6,7 @@
 #include "own_mounts.h"
 
 #define CONF "data/odid/odid.conf"
+#define ANY_KEY "00112233445566778899aabbccddeeff00112233445566778899aabbccddeeff"
 #define REPORT "volume/odid-report.txt"
 #define MADE "volume/maintenance-password.txt"
 #define BEFORE "[wifi]\nchannel = 1\n"
@@ -364,6 +365,13 @@ static void a_password_is_made_and_shown(void **state)
     expect_file(MADE, first);
     expect_file("data/secrets/maintenance.psk", key);
 
+    /* Also where a failing disk has left no key: nobody could get in by what the volume shows. */
+    put("data/secrets/maintenance.psk", "00112233445566778899aabbccddeeff00112233445566778899aabb\1"
+                                        "\2 a failing disk's\nRemoteID-12AB\n");
+    assert_int_equal(CALL("import", "volume"), 0);
+    expect_file(MADE, first);
+    expect_file("data/secrets/maintenance.psk", key);
+
     /* Until there is another one, and then nothing shows a password that isn't the one. */
     assert_int_equal(CALL("set", "maintenance.password", "password"), 0);
     assert_int_equal(CALL("import", "volume"), 0);
@@ -412,10 +420,10 @@ static void no_password_stays_in_a_file_that_does_not_count(void **state)
 static void a_refused_file_keeps_its_password(void **state)
 {
     (void)state;
-    put("data/secrets/maintenance.psk", "the one before\n");
+    put("data/secrets/maintenance.psk", ANY_KEY "\n");
     put("volume/odid.conf", "[maintenance]\npassword = password\n[wifi]\nchannel = 36\n");
     assert_int_equal(CALL("import", "volume"), 1);
-    expect_file("data/secrets/maintenance.psk", "the one before\n");
+    expect_file("data/secrets/maintenance.psk", ANY_KEY "\n");
     assert_non_null(strstr(got("volume/odid.conf"), "password = password\n"));
 }
 

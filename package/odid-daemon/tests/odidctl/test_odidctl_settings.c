@@ -8,6 +8,7 @@
 #include "config/config.h"
 
 #define CONF "data/odid/odid.conf"
+#define ANY_KEY "00112233445566778899aabbccddeeff00112233445566778899aabbccddeeff"
 #define APPLY "lib/odid/apply-configuration"
 #define BEGIN "; Kept.\n[wifi]\ncountry = NO ; and this\n\n[broadcast]\nbt5_enabled = off\n"
 #define ANSWER "{\"on_air\": true}"
@@ -90,8 +91,10 @@ static void secrets_are_not_printed(void **state)
     put(CONF, "[maintenance]\npassword = hunter2hunter2\n");
     expect_in_force("maintenance.password", "set");
     put(CONF, "");
-    put("data/secrets/maintenance.psk", "00\n");
+    put("data/secrets/maintenance.psk", ANY_KEY "\n");
     expect_in_force("maintenance.password", "set");
+    put("data/secrets/maintenance.psk", "\1\2 damaged, with nothing of a key\n");
+    expect_in_force("maintenance.password", "unset");
 }
 
 /* ---- set ---- */
@@ -356,7 +359,7 @@ static void maintenance_on_and_off(void **state)
     daemon = answer_with(ANSWER);
     assert_int_equal(CALL("maintenance", "on"), 4);
     assert_non_null(strstr(said, "nobody can join"));
-    put("data/secrets/maintenance.psk", "00\n");
+    put("data/secrets/maintenance.psk", ANY_KEY "\n");
     assert_int_equal(CALL("maintenance", "on"), 0);
     expect_file("run/odid-appliance/maintenance-asked", "");
     assert_int_equal(CALL("maintenance", "off"), 0);
