@@ -312,7 +312,7 @@ static bool is_shut_command(const unsigned char *frame)
 
 /* ArduPilot takes another one at once, and in the air; PX4 at its next start. By the last three all
  * parameters are as at first then. */
-static bool is_system_id(const unsigned char *frame)
+static bool is_shut_parameter(const unsigned char *frame)
 {
     const unsigned char *payload = frame + (frame[0] == 0xFE ? 6 : 10);
     mavlink_param_set_t said = {0};
@@ -332,7 +332,7 @@ static bool may_enter(const struct filter *filter, const unsigned char *frame)
 {
     if (!is_understood(frame) || is_listed(filter->blocked_message, message_of(frame)))
         return false;
-    if (filter->blocked_message[0] != 0 && (is_shut_command(frame) || is_system_id(frame)))
+    if (filter->blocked_message[0] != 0 && (is_shut_command(frame) || is_shut_parameter(frame)))
         return false;
     return !(filter->only_listed && !filter->allowed_component[component_of(frame)]) &&
            !filter->blocked_component[component_of(frame)] &&
