@@ -65,16 +65,17 @@ class Table:
         self.disturbed = figures.pop("disturbed")
         return figures
 
-    def add(self, name, value, limit=None, what="", timed=True):
-        """limit None: only shown. A missing value fails; so does one that isn't about time, beside other work too."""
-        verdict = ""
+    def add(self, name, value, limit=None, what="", timed=True, disturbed=""):
+        """limit None: only shown. A missing value fails; so does one that isn't about time, beside other work too.
+        disturbed: what speaks against this figure alone."""
+        verdict, disturbed = "", self.disturbed or disturbed
         if limit is not None:
             good = value is not None and value <= limit
-            verdict = "PASS" if good else "not judged" if timed and self.disturbed and value is not None else "FAIL"
+            verdict = "PASS" if good else "not judged" if timed and disturbed and value is not None else "FAIL"
             if verdict == "FAIL":
                 self.failed.append(name)
             elif not good:
-                self.not_judged.append(f"{name} ({self.disturbed})")
+                self.not_judged.append(f"{name} ({disturbed})")
         if value is not None:
             self.figures[name] = round(value, 4)
         shown = "missing" if value is None else f"{value:.3f}"
@@ -110,11 +111,13 @@ class Table:
 
     def slots(self, name, figures, limit_ms):
         """Deadlines are judged only where the daemon has real-time priority, and by what the daemon adds: an idle
-        virtual processor may take milliseconds to wake up for anyone."""
+        virtual processor may take milliseconds to wake up for anyone. Where that alone is more than the limit, the
+        difference of the two says nothing of the daemon."""
         if figures["realtime"]:
-            bare_ms = figures["bare_timer_p99_ms"]
-            self.add(name, figures["slot_jitter_p99_ms"], limit_ms and limit_ms + (bare_ms or 0),
-                     f"a bare timer beside it: {bare_ms or 0:.2f}")
+            bare_ms = figures["bare_timer_p99_ms"] or 0
+            self.add(name, figures["slot_jitter_p99_ms"], limit_ms and limit_ms + bare_ms,
+                     f"a bare timer beside it: {bare_ms:.2f}",
+                     disturbed=f"a bare timer was {bare_ms:.2f} ms late" if limit_ms and bare_ms > limit_ms else "")
         else:
             self.add(name, figures["slot_jitter_p99_ms"], None, "not judged: real-time priority was refused")
 

@@ -42,6 +42,19 @@ def test_a_figure_beside_other_work_is_not_judged(disturbed, value, timed, faile
     assert (len(table.failed), len(table.not_judged)) == (failed, not_judged)
 
 
+@pytest.mark.parametrize("slot_ms, bare_ms, failed, not_judged", [
+    (1.5, 0.6, 0, 0),
+    (1.7, 0.6, 1, 0),
+    (1.1, None, 1, 0),
+    (5.2, 3.6, 0, 1),   # a processor that alone wakes up later than the limit
+    (4.5, 3.6, 0, 0),
+])
+def test_a_deadline_is_judged_where_the_machine_wakes_up_in_time(slot_ms, bare_ms, failed, not_judged):
+    table = Table()
+    table.slots("slot_jitter_p99_ms", {"realtime": True, "slot_jitter_p99_ms": slot_ms, "bare_timer_p99_ms": bare_ms}, 1)
+    assert (len(table.failed), len(table.not_judged)) == (failed, not_judged)
+
+
 def test_the_code_for_not_judged_is_one(monkeypatch):
     monkeypatch.syspath_prepend(COMMAND.parent)
     import command

@@ -76,6 +76,11 @@ class Appliance:
     def wait_state(self, *states, within_s=None):
         return wait_for(f"the state {' or '.join(states)}", lambda: self.state() in states, within_s)
 
+    def faults(self):
+        """{name: text}; one may go while we look."""
+        lines = self.machine.must("cd /run/faults; grep -s . * /dev/null || true").splitlines()
+        return dict(line.split(":", 1) for line in lines)
+
     def slot(self):
         return self.machine.must("cat /run/odid-appliance/slot").strip()
 

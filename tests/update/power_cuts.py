@@ -141,7 +141,9 @@ class Course:
     def expect(self, version, result):
         found = self.appliance.result()
         if self.appliance.version() != version or result.items() - found.items():
-            raise RuntimeError(f"version {self.appliance.version()}, {found}; expected {version}, {result}")
+            log = self.machine.run("logread | grep -v kern | tail -n 60").output
+            raise RuntimeError(f"version {self.appliance.version()}, {found}; expected {version}, {result}; "
+                               f"faults {self.appliance.faults()}; its log ends:\n{log}")
 
     def run(self, short):
         """short: one update that is kept, and one that the boot loader gives up."""
@@ -282,7 +284,7 @@ class Judge:
             "description": machine.must("odidctl get self_id.description").strip(),
             "result": self._result(),
             "locked_out": self._locked_out(),
-            "faults": self._faults()}
+            "faults": self.appliance.faults()}
 
     def _locked_out(self):
         """Why the password doesn't open the access point (its key is made of password and name); empty: it does."""
@@ -302,11 +304,6 @@ class Judge:
         """What is said of the last update."""
         found = self.appliance.result()
         return f"{found['outcome']}: {found['to']}" if found else ""
-
-    def _faults(self):
-        """{name: text}; one may go while we look."""
-        lines = self.machine.must("cd /run/faults; grep -s . * /dev/null || true").splitlines()
-        return dict(line.split(":", 1) for line in lines)
 
     def _wrong(self, found, boundary):
         under_way = len(writes.after(self.requests, boundary))
