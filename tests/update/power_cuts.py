@@ -154,6 +154,8 @@ class Course:
         self.may("result", "")
         self.machine.power_on()
         self.machine.wait_on_air()
+        # On a machine that stood still /data may come late (S30data): what is promised before that is in memory.
+        self.machine.wait_inside("the disk's /data", "[ ! -e /run/odid-appliance/data-in-memory ]")
         self.must("description", FIRST)
         if self.control == "no-flush":
             self.set_without_flushes()

@@ -28,20 +28,6 @@ static struct service self;
 
 /* ---- small things ---- */
 
-/* The word that starts with prefix, on the kernel's command line; its rest. */
-static void kernel_word(const char *prefix, char *out, size_t size)
-{
-    char line[2048], *rest = line, *word;
-
-    out[0] = '\0';
-    whole_file_line("/proc/cmdline", line, sizeof(line));
-    while ((word = strsep(&rest, " ")) != NULL) {
-        if (strncmp(word, prefix, strlen(prefix)) == 0) {
-            snprintf(out, size, "%s", word + strlen(prefix));
-        }
-    }
-}
-
 /* A technician's isn't, and no server is left alone for it. */
 static bool may_be_its_server_s(void)
 {
@@ -101,6 +87,7 @@ static void begin_update(int64_t now_us)
 static void on_tick(void *context, int64_t now_us)
 {
     (void)context;
+    service_take_late_record(&self, now_us);
     if (self.update.state != UPDATE_IDLE) {
         act(now_us);
     } else {
@@ -166,32 +153,6 @@ static void keep_refusal(const char *why, const char *to)
     service_keep(&self, UPDATE_REFUSED, to, "The update was refused: %s", sentence);
 }
 
-static bool is_trial(const struct update_variables *variables, char slot)
-{
-    return variables->upgrade_available && variables->trial == slot;
-}
-
-/* By U-Boot's variables as they are now. */
-static bool is_marked(void)
-{
-    struct update_variables variables;
-    bool damaged;
-
-    return update_variables_read(ENVIRONMENT_CONFIG, NULL, self.running, &variables, &damaged) ==
-               0 &&
-           is_trial(&variables, self.other);
-}
-
-/* Nothing is written to it any more; written: it was, for all that is known. */
-static void protect_other(bool written)
-{
-    if ((written || update_slot_is_writable(self.other)) && !is_marked() &&
-        update_slot_protect(self.other, false)) {
-        update_slot_spoil(self.other);
-    }
-    update_slot_protect(self.other, true);
-}
-
 /* Called off, and written to its end all the same: whoever called it off was told that nothing has
  * changed. */
 static void withdraw(void)
@@ -218,11 +179,11 @@ static void on_ends(const char *why, int64_t now_us)
     if (why[0] != '\0') {
         log_info("SWUpdate says: %s", why);
     }
-    if (self.update.called_off && is_marked()) {
+    if (self.update.called_off && service_is_marked(&self)) {
         withdraw();
     }
-    protect_other(passed);
-    if (is_marked()) {
+    service_protect_other(&self, passed);
+    if (service_is_marked(&self)) {
         update_hawkbit_came_through();
         update_installed(&self.update, now_us);
     } else {
@@ -333,118 +294,6 @@ static int ask_gate(void)
 
 /* ---- start ---- */
 
-/* U-Boot was to start the new slot, and didn't. */
-static void explain_fallback(const char *fallback)
-{
-    char why[128];
-
-    update_explain_fallback(self.variables.trial_failed == '\0' ? "" : self.variables.trial_reason,
-                            fallback, why, sizeof(why));
-    service_keep(&self, UPDATE_BACK, self.record.to, "Version %s was rolled back: %s.",
-                 self.record.to[0] == '\0' ? "(not known)" : self.record.to, why);
-}
-
-/* No trial, no restarts, nothing unverified: the slot that U-Boot has for the committed one stays
- * that. */
-static void settle(enum update_report report)
-{
-    struct update_variables settled = {.slot = self.variables.slot};
-    int result = update_variables_write(ENVIRONMENT_CONFIG, &settled, report);
-
-    service_complain("U-Boot's variables can't be settled", result);
-}
-
-/* Power may have failed between the reason and U-Boot's variables. */
-static bool was_given_up(void)
-{
-    char version[UPDATE_VERSION_SIZE];
-
-    whole_file_line(DATA "/" UPDATE_BACK_FILE, version, sizeof(version));
-    return strcmp(version, self.version) == 0;
-}
-
-/* Nothing of it was marked to be started. Where the other slot is the committed one, it isn't meant
- * any more. */
-static bool was_broken_off(bool recorded)
-{
-    return self.variables.slot == self.running &&
-           (recorded || self.variables.unverified == self.other);
-}
-
-/* Only a record of what U-Boot's variables tell of: into the version that runs, or out of it. One
- * of an earlier update is there still where /data took nothing any more when it was to go. */
-static bool read_record(void)
-{
-    bool into = is_trial(&self.variables, self.running);
-
-    if (update_read_record(DATA, &self.record) < 0) {
-        return false;
-    }
-    /* Unverified is what no record could be kept of. */
-    if (into ? self.record.slot == self.running && self.variables.unverified != self.running
-             : self.record.slot == self.running || strcmp(self.record.from, self.version) == 0) {
-        return true;
-    }
-    log_warning("the record of an update to slot %c, version %s, is an earlier one's: left alone",
-                self.record.slot, self.record.to);
-    self.record = (struct update_record){.slot = '\0'};
-    return false;
-}
-
-/* What the boot loader and an earlier process left behind. first: since power-on; later the
- * kernel's command line is an old story, and an install may be going on. */
-static void resume(bool first, int64_t now_us)
-{
-    const struct update_variables *variables = &self.variables;
-    bool recorded = read_record();
-    char fallback[128] = "";
-
-    self.record.unattended = self.record.unattended || !recorded; /* for all that is known */
-    if (first) {
-        kernel_word("odid.fallback=", fallback, sizeof(fallback));
-    }
-    if (is_trial(variables, self.running)) {
-        self.expectation.channels = self.record.channels;
-        self.expectation.wanted = self.record.services;
-        snprintf(self.configuration, sizeof(self.configuration), "%s", self.record.configuration);
-        update_try(&self.update, self.version, now_us);
-        if (!recorded && was_given_up()) {
-            self.record.from_server = update_result_is_server_s(DATA);
-            snprintf(self.reason, sizeof(self.reason), "It failed its trial.");
-            service_give_up(&self, now_us);
-        }
-    } else if (is_trial(variables, self.other) && fallback[0] == '\0') {
-        update_version(&self.update, self.record.to); /* installed, not restarted yet */
-        update_installed(&self.update, now_us);
-    } else if (!first && variables->trial_failed == self.running) {
-        /* Its trial failed in this boot, and the restart waits for the aircraft to be disarmed. */
-        snprintf(self.reason, sizeof(self.reason), "It failed its trial.");
-        update_version(&self.update, self.version);
-        update_rolled_back(&self.update, now_us);
-    } else if (variables->upgrade_available || variables->trial_failed != '\0') {
-        if (recorded) {
-            explain_fallback(fallback);
-        }
-        /* Without a record it was rolled back by us, and what its server is told stands there. */
-        settle(recorded ? service_report(&self, UPDATE_REPORT_FAILED) : UPDATE_REPORT_AS_IT_IS);
-    } else {
-        if (recorded && self.record.slot == self.running) {
-            service_keep(&self, UPDATE_INSTALLED, self.version, "Version %s is installed.",
-                         self.version);
-        } else if (first && was_broken_off(recorded)) {
-            protect_other(true);
-            if (recorded) { /* else it may have ended long ago, and its result stands there */
-                service_keep(
-                    &self, UPDATE_REFUSED, self.record.to,
-                    "The update was broken off, by power or a restart; nothing has changed.");
-            }
-        }
-        if (variables->restarts != 0 || (first && variables->unverified != '\0')) {
-            settle(UPDATE_REPORT_AS_IT_IS); /* we came up */
-        }
-    }
-}
-
 static bool find_environment(void)
 {
     char problem[160] = "", sentence[240];
@@ -485,7 +334,7 @@ static bool start_service(bool first, int64_t now_us)
     if (!find_environment()) {
         return false;
     }
-    resume(first, now_us);
+    service_resume(&self, first, now_us);
     service_show(&self);
     return true;
 }

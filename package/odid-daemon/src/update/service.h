@@ -23,6 +23,7 @@ struct service {
     /* In a trial: the one in force, when it was looked at last, or before the restart. */
     char configuration[UPDATE_IDENTITY_SIZE];
     bool configured_anew; /* it has changed since */
+    bool data_late;       /* /data is in memory, and had no record of the trial */
     char running, other;  /* slots */
     char version[UPDATE_VERSION_SIZE];
     bool time_known;
@@ -52,6 +53,23 @@ void service_show(const struct service *self);
  * that one everything stays known. */
 void service_keep(struct service *self, enum update_outcome outcome, const char *to,
                   const char *format, ...) __attribute__((format(printf, 4, 5)));
+
+/* ---- what was left behind (service_resume.c) ---- */
+
+/* Takes up what the boot loader and an earlier process left. first: since power-on; later the
+ * kernel's command line is an old story, and an install may be going on. */
+void service_resume(struct service *self, bool first, int64_t now_us);
+
+/* A worn disk answers late, and /data is in memory until then: a trial that began without its
+ * record begins anew with it. */
+void service_take_late_record(struct service *self, int64_t now_us);
+
+/* Whether the other slot is to be started for its trial, by U-Boot's variables as they are now. */
+bool service_is_marked(const struct service *self);
+
+/* Nothing is written to the other slot any more; written: it was, for all that is known. Unless it
+ * is marked, what is in it then goes. */
+void service_protect_other(const struct service *self, bool written);
 
 /* ---- a trial, and what came before it (service_trial.c) ---- */
 

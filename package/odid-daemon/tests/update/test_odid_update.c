@@ -34,6 +34,7 @@ static int model_syncfs(int fd);
 #define update_write_record model_write_record
 #define main odid_update_main
 #include "update/service_kept.c"
+#include "update/service_resume.c"
 #include "update/service_trial.c"
 
 #include "update/odid_update_main.c"
@@ -1030,6 +1031,44 @@ static void a_record_that_stayed_takes_no_other_slot_away(void **state)
     assert_false(board.spoilt);
 }
 
+/* A worn disk answered late: the version on trial was kept though it had lost Bluetooth 5, nobody
+ * knew what it had taken the place of, and its server wasn't told. */
+static void a_trial_takes_the_record_that_comes_late(void **state)
+{
+    for (unsigned lost = 0; lost < 2; lost++) {
+        setup(state);
+        board.wifi = "on air";
+        slot_b_is_on_trial_from(UPDATE_SOURCE_SERVER);
+        assert_int_equal(rename("data", "disk"), 0);
+        assert_int_equal(system("mkdir -p data/odid"), 0);
+        put(IN_MEMORY, "");
+        board.wifi = lost ? NULL : "on air"; /* which isn't required of every board */
+        begin(true);
+        pass(10);
+        assert_int_equal(self.update.state, UPDATE_TRIAL);
+        assert_int_equal(system("rm -r data " IN_MEMORY " && mv disk data"), 0);
+        it_is_kept(!lost);
+        assert_string_equal(self.record.from, "1.0.0");
+        assert_int_equal(board.report, lost ? UPDATE_REPORT_FAILED : UPDATE_REPORT_GOOD);
+    }
+}
+
+/* It was kept meanwhile: the record that comes then tries it no more. */
+static void nor_is_one_that_was_kept_tried_again(void **state)
+{
+    (void)state;
+    slot_b_is_on_trial();
+    assert_int_equal(rename("data", "disk"), 0);
+    assert_int_equal(system("mkdir -p data/odid"), 0);
+    put(IN_MEMORY, "");
+    begin(true);
+    it_is_kept(true);
+    assert_int_equal(system("rm -r data " IN_MEMORY " && mv disk data"), 0);
+    pass(10);
+    assert_int_equal(self.update.state, UPDATE_IDLE);
+    assert_int_equal(board.variables.slot, 'b');
+}
+
 static void what_was_called_off_before_the_gate_is_not_written(void **state)
 {
     (void)state;
@@ -1098,6 +1137,8 @@ int main(void)
         cmocka_unit_test_setup(a_record_that_stayed_says_nothing_of_a_later_trial, setup),
         cmocka_unit_test_setup(nor_does_one_of_the_same_slot, setup),
         cmocka_unit_test_setup(a_record_that_stayed_takes_no_other_slot_away, setup),
+        cmocka_unit_test_setup(a_trial_takes_the_record_that_comes_late, setup),
+        cmocka_unit_test_setup(nor_is_one_that_was_kept_tried_again, setup),
         cmocka_unit_test_setup(what_was_written_to_its_end_is_not_taken_away, setup),
         cmocka_unit_test_setup(what_was_called_off_before_the_gate_is_not_written, setup),
         cmocka_unit_test_setup(who_arms_while_it_flushes_is_not_restarted, setup),
