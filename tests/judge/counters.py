@@ -12,7 +12,7 @@ from .findings import Findings
 from .messages import is_pack
 from .tracks import Heard, Track
 
-_FORGET_S = 20.0  # after so long a silence 8 bits say nothing any more
+_FORGET_S = 12.0  # ten payloads a second: after so long a silence they may have been half of the 256
 
 
 def check_counters(track: Track, findings: Findings, judge_lost: bool, lost_margin: int) -> int:

@@ -307,6 +307,18 @@ def test_two_basic_ids_share_a_counter():
     assert counts(run) == {}
 
 
+@pytest.mark.parametrize("silence_s, backward", [(11, 1), (13, 0)])
+def test_a_counter_says_nothing_after_a_long_silence(silence_s, backward):
+    """With ten payloads a second it may have gone half of its circle by then."""
+    run, _ = transmit(channels=("wifi",), faults=Faults(
+        counter=lambda name, value: (value + 150) % 256 if 40 <= value < 200 else value))
+    after = False
+    for reception in run.receptions:
+        after = after or reception.payload[1] == 190
+        reception.mono += silence_s if after else 0
+    assert after and counts(run).get("counter.backward", 0) == backward
+
+
 def test_every_violation_is_counted_and_some_are_listed():
     run, _ = transmit(channels=("bt5",), faults=Faults(pack=lambda messages: messages[1]))
     findings = judge(run, Options()).findings

@@ -47,6 +47,10 @@ EVER_FAILED = {
         ("controller_loses_an_event", 236.815459, 0.043712), ("hostapd_killed", 236.839528, 19.03775),
         ("foreign_disable", 308.463081, 21.283075), ("foreign_reset", 369.753912, 5.601378),
         ("hostapd_slow", 457.819532, 6.056316), ("autopilot_restarts", 518.053123, 0.543799)])),
+    "the record had a silent chip's gap from where it was known on": (100111, (
+        "full", "serial", (0.1, 40000), True, ("PX4, mended", 8), [("wifi_chip_silent", 174.265254, 5.984141)])),
+    "the judge took a counter that had gone half of its circle for one that went backward": (100184, (
+        "bcm43455", "udp", (0.0, 0), False, ("PX4, mended", 8), [("wifi_chip_silent", 148.590831, 16.005515)])),
 }
 
 

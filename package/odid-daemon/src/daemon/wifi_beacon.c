@@ -307,6 +307,8 @@ static void lose_beacons(enum beacon_verdict verdict, int64_t now_us)
     self.radio->given_up = self.radio->given_up || self.remedy == REMEDY_DRIVER;
     self.radio->silent = verdict == BEACONS_NOT_SENT;
     self.radio->failures++;
+    radio_denied(self.radio,
+                 verdict == BEACONS_NO_CARRIER ? self.evidence.carrier_us : self.evidence.moved_us);
     snprintf(detail, sizeof(detail), "hostapd says OK, and %s; %s",
              verdict == BEACONS_NO_CARRIER ? "its interface is down" : "the chip sends no beacon",
              tried[self.remedy]);

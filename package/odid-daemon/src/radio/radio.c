@@ -126,6 +126,16 @@ void radio_confirmed(struct radio *radio, int64_t now_us)
     radio->confirmed_us = now_us;
 }
 
+void radio_denied(struct radio *radio, int64_t since_us)
+{
+    if (since_us < radio->unbroken_us) {
+        since_us = radio->unbroken_us; /* before that it had a gap */
+    }
+    if (since_us < radio->confirmed_us) {
+        radio->confirmed_us = since_us;
+    }
+}
+
 int64_t retry_next(struct retry *retry, int64_t now_us)
 {
     static const int64_t waits_us[] = {250000, 500000, 1000000};

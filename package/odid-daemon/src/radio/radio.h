@@ -75,6 +75,8 @@ bool radio_accepted(struct radio *radio, enum channel channel, int64_t now_us);
 /* The radio says that it transmits what it was given last; and nothing newer waits, or it takes
  * them in time. */
 void radio_confirmed(struct radio *radio, int64_t now_us);
+/* Its word was wrong since then: nothing was transmitted, as other evidence shows. */
+void radio_denied(struct radio *radio, int64_t since_us);
 /* The state as everybody is told it: one that is on the air and wasn't confirmed for long is lost,
  * however well it answers. */
 enum radio_state radio_seen(const struct radio *radio, int64_t now_us);

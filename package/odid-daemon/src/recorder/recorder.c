@@ -144,7 +144,9 @@ static void take_channel(struct recorder *recorder, enum channel channel,
             channel_name(channel), duration_s(status->unbroken_us - totals->heard_us),
             silent_us > 0 ? "true" : "false");
     }
-    totals->heard_us = later(totals->heard_us, status->confirmed_us);
+    /* What one was taken for a moment before it was found silent is taken back. */
+    totals->heard_us = later(status->confirmed_us,
+                             status->on_air ? totals->heard_us : recorder->settled_us[channel]);
     totals->known = status->known > totals->known ? status->known : totals->known;
 }
 

@@ -611,6 +611,7 @@ static void a_chip_that_sends_nothing_is_lost_whatever_hostapd_says(void **state
     (void)state;
     start_counted();
     assert_true(loop_until(it_is_seen_lost, 3000));
+    assert_true(loop_now_us() - radio.confirmed_us > BEACON_SILENCE_US); /* when it last was true */
     assert_non_null(strstr(radio.detail, "the chip sends no beacon"));
     assert_string_equal(radio_known_name(radio.known), "set");
     assert_false(loop_until(all_is_heard, 1000)); /* it goes on saying OK */

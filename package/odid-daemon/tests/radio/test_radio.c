@@ -54,6 +54,25 @@ static void a_pause_ends_what_was_unbroken(void **state)
     assert_int_equal(radio.unbroken_us, 51 + 2 * RADIO_PAUSE_US);
 }
 
+static void what_was_denied_is_not_confirmed(void **state)
+{
+    struct radio radio;
+
+    (void)state;
+    radio_init(&radio, RADIO_STARTING, 5);
+    radio_denied(&radio, 50);
+    assert_int_equal(radio.confirmed_us, INT64_MIN);
+    radio_confirmed(&radio, 100);
+    radio_confirmed(&radio, 200);
+    radio_denied(&radio, 250);
+    assert_int_equal(radio.confirmed_us, 200);
+    radio_denied(&radio, 150);
+    assert_int_equal(radio.confirmed_us, 150);
+    radio_denied(&radio, 50); /* the gap before has ended all the same */
+    assert_int_equal(radio.confirmed_us, 100);
+    assert_int_equal(radio.unbroken_us, 100);
+}
+
 static void who_was_on_the_air_and_stays_away_is_stuck(void **state)
 {
     static const enum radio_state away[] = {RADIO_ABSENT, RADIO_DOWN, RADIO_LOST};
@@ -142,6 +161,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_time_of_a_state_is_that_of_its_beginning),
         cmocka_unit_test(a_pause_ends_what_was_unbroken),
+        cmocka_unit_test(what_was_denied_is_not_confirmed),
         cmocka_unit_test(who_was_on_the_air_and_stays_away_is_stuck),
         cmocka_unit_test(who_was_on_the_air_before_has_its_time),
         cmocka_unit_test(a_long_detail_is_cut),

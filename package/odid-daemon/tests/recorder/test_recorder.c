@@ -79,6 +79,25 @@ static void a_gap_has_its_true_length(void **state)
     expect_line("\"event\":\"fault_over\",\"what\":\"wifi\",\"seconds\":4.00}");
 }
 
+/* Its silence shows a while after it began: the record had 1.9 of 4.4 s. */
+static void what_was_taken_for_sent_is_taken_back(void **state)
+{
+    (void)state;
+    take_off();
+    pass(3);
+    set_sending(CHANNEL_WIFI, false);
+    bench.snapshot.channels[CHANNEL_WIFI].confirmed_us -= 2500000;
+    pass(2);
+    look();
+    NEAR(bench.flight.open_gap_us[CHANNEL_WIFI], 4600000);
+    set_sending(CHANNEL_WIFI, true);
+    pass(1);
+    expect_line("\"event\":\"gap\",\"channel\":\"wifi\",\"seconds\":4.60,\"armed\":true}");
+    NEAR(totals(CHANNEL_WIFI)->silent_us, 0); /* as it was looked at last */
+    look();
+    NEAR(totals(CHANNEL_WIFI)->silent_us, 4600000);
+}
+
 static void that_a_chip_counted_is_kept(void **state)
 {
     (void)state;
@@ -182,6 +201,22 @@ static void a_channel_that_is_not_required_has_no_gaps(void **state)
     assert_int_equal(totals(CHANNEL_WIFI)->silent_us, 0);
     assert_false(totals(CHANNEL_WIFI)->armed_required);
     assert_int_equal(bench.flight.totals.faults, 0);
+}
+
+/* Nobody wanted it meanwhile. */
+static void a_silence_that_was_wanted_is_not_counted_later(void **state)
+{
+    (void)state;
+    take_off();
+    bench.snapshot.armed = false;
+    switch_off(CHANNEL_WIFI);
+    pass(30);
+    bench.snapshot.channels[CHANNEL_WIFI].required = true;
+    bench.snapshot.channels[CHANNEL_WIFI].disabled = false;
+    pass(4);
+    set_sending(CHANNEL_WIFI, true);
+    pass(1);
+    expect_line("\"event\":\"gap\",\"channel\":\"wifi\",\"seconds\":4.00,\"armed\":false}");
 }
 
 /* It went out of the verdict, with every gap that it had. */
@@ -668,6 +703,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(a_flight_without_a_gap),
         TEST(a_gap_has_its_true_length),
+        TEST(what_was_taken_for_sent_is_taken_back),
+        TEST(a_silence_that_was_wanted_is_not_counted_later),
         TEST(that_a_chip_counted_is_kept),
         TEST(of_two_gaps_the_longest_counts),
         TEST(only_the_armed_part_of_a_gap_counts),
