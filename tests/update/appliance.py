@@ -1,5 +1,6 @@
 """An appliance that is updated: a bench's machine, and what an update's tests ask of it."""
 
+import contextlib
 import json
 import time
 
@@ -126,3 +127,14 @@ class Appliance:
         """What was begun: (exit code, output)."""
         wait_for("odidctl", lambda: self.machine.run("[ -s /tmp/code ]").code == 0)
         return int(self.machine.must("cat /tmp/code")), self.machine.must("cat /tmp/install")
+
+
+@contextlib.contextmanager
+def readied(appliance):
+    """It takes a bundle, and ends with what is done with it."""
+    try:
+        appliance.power_on()
+        appliance.wait_ready()
+        yield appliance
+    finally:
+        appliance.close()

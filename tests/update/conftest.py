@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from .appliance import Appliance
+from .appliance import Appliance, readied
 
 
 @pytest.fixture
@@ -22,21 +22,14 @@ def make_appliance(machine_possible):
 
 
 @pytest.fixture
-def ready(make_appliance, request):
+def ready(machine_possible, request):
     """An appliance of the test's own that takes a bundle."""
-    one = make_appliance(re.sub(r"\W+", "_", request.node.name))
-    one.power_on()
-    one.wait_ready()
-    return one
+    with readied(Appliance(re.sub(r"\W+", "_", request.node.name))) as one:
+        yield one
 
 
 @pytest.fixture(scope="module")
 def grounded(machine_possible):
     """An appliance that is ready for a bundle; what it is given it refuses."""
-    one = Appliance("grounded")
-    try:
-        one.power_on()
-        one.wait_ready()
+    with readied(Appliance("grounded")) as one:
         yield one
-    finally:
-        one.close()

@@ -8,7 +8,7 @@ import pytest
 from bench.cm4 import FLASHED, Cm4
 
 from . import bundles
-from .appliance import Appliance, wait_for
+from .appliance import Appliance, readied, wait_for
 from .bundles import NEWER, Failure
 
 pytestmark = pytest.mark.skipif(not FLASHED, reason="of the image that is flashed: make system IMAGE=build/image/cm4/images/disk.img")
@@ -30,13 +30,8 @@ def changes_of(failure):
 
 @pytest.fixture
 def ready(cm4_possible, request):
-    one = Appliance(machine=Cm4(parts.ROOT / "build/update/runs" / re.sub(r"\W+", "_", request.node.name)))
-    try:
-        one.power_on()
-        one.wait_ready()
+    with readied(Appliance(machine=Cm4(parts.ROOT / "build/update/runs" / re.sub(r"\W+", "_", request.node.name)))) as one:
         yield one
-    finally:
-        one.close()
 
 
 def given(appliance, bundle):

@@ -20,7 +20,6 @@
 #include "update/update_hawkbit.h"
 #include "update/update_places.h"
 #include "update/update_question.h"
-#include "update/update_slot.h"
 
 #define SECOND_US 1000000
 

@@ -3,7 +3,6 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "appliance/faults.h"
 #include "base/log.h"
 #include "base/whole_file.h"
 #include "update/service.h"
