@@ -17,8 +17,10 @@ pytestmark = pytest.mark.skipif(not FLASHED, reason="of the image that is flashe
 
 LEGACY_DISABLE = "0a200100"  # LE Set Advertising Enable: off
 FLIGHT_S = 7200  # longer than all of it
-# Those that need what that machine has: a clock, radios that are made and taken away, a second adapter, extended advertising.
-OF_VIRT = ("wifi_radio", "bluetooth_controller", "autopilot_wrong_port", "foreign_command", "boot_1970", "boot_2038")
+# Those that need what that machine has: a clock, radios that are made and taken away, a second adapter, extended advertising, a shell
+# before the network is there, little memory.
+OF_VIRT = ("wifi_radio", "bluetooth_controller", "autopilot_wrong_port", "foreign_command", "boot_1970", "boot_2038", "blocked_at_boot",
+           "load")
 
 
 def possible(listed):

@@ -85,6 +85,7 @@ static inline void fixture_reset(void)
         fixture.radios[channel].accepted_us = NOW - 100000;
         fixture.radios[channel].confirmed_us = NOW - 50000;
         fixture.radios[channel].unbroken_us = NOW - 4900000;
+        fixture.radios[channel].paused_us = NOW - 5900000;
     }
     radio_init(&fixture.radios[CHANNEL_BT5], RADIO_UNSUPPORTED, NOW - 5000000);
     fixture.radios[CHANNEL_BT5].confirmed_us = NOW - 50000; /* for those that put it on the air */

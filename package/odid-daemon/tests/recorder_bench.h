@@ -42,7 +42,7 @@ static inline int bench_reset(void **state)
         struct recorder_channel_status *status = &bench.snapshot.channels[channel];
 
         status->required = channel != CHANNEL_BT5;
-        status->confirmed_us = status->unbroken_us = INT64_MIN;
+        status->confirmed_us = status->unbroken_us = status->paused_us = INT64_MIN;
         snprintf(status->text, sizeof(status->text), "absent (nothing there)");
     }
     recorder_start(&bench.recorder, bench_line, NULL, BOOT, "2026.1 \"x\\y\"", bench.now_us);
@@ -55,6 +55,7 @@ static inline void set_sending(enum channel channel, bool on)
     bench.sends[channel] = on;
     bench.snapshot.channels[channel].on_air = on;
     if (on) {
+        bench.snapshot.channels[channel].paused_us = bench.snapshot.channels[channel].confirmed_us;
         bench.snapshot.channels[channel].unbroken_us = bench.now_us;
         bench.snapshot.channels[channel].confirmed_us = bench.now_us;
     }

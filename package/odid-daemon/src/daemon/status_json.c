@@ -100,6 +100,7 @@ static void add_channels(struct json_object *root, const struct health_input *in
         add_age(object, "last_accepted_s", radio->accepted_us, now_us);
         add_age(object, "confirmed_s", radio->confirmed_us, now_us);
         add_age(object, "unbroken_s", radio->unbroken_us, now_us);
+        add_age(object, "paused_s", radio->paused_us, now_us);
         add_count(object, "payloads", radio->payloads);
         add_count(object, "replaced", radio->replaced);
         add_count(object, "starts", radio->starts);

@@ -327,6 +327,7 @@ static void wait_for_switch(int64_t now_us)
 {
     end_remedies();
     self.expected_us = now_us;
+    radio_denied(self.radio, self.evidence.carrier_us);
     radio_enter(self.radio, CHANNEL_WIFI, RADIO_BLOCKED, "its radio is switched off", now_us);
 }
 

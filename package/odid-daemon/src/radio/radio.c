@@ -40,6 +40,7 @@ void radio_init(struct radio *radio, enum radio_state state, int64_t now_us)
     radio->state = state;
     radio->since_us = now_us;
     radio->accepted_us = radio->confirmed_us = radio->unbroken_us = INT64_MIN;
+    radio->paused_us = INT64_MIN;
 }
 
 void radio_enter(struct radio *radio, enum channel channel, enum radio_state state,
@@ -121,6 +122,7 @@ int64_t radio_seen_since_us(const struct radio *radio, int64_t now_us)
 void radio_confirmed(struct radio *radio, int64_t now_us)
 {
     if (radio->confirmed_us == INT64_MIN || now_us - radio->confirmed_us > RADIO_PAUSE_US) {
+        radio->paused_us = radio->confirmed_us;
         radio->unbroken_us = now_us;
     }
     radio->confirmed_us = now_us;

@@ -44,6 +44,7 @@ struct radio {
     int64_t accepted_us;    /* when the radio last took a payload; INT64_MIN: never */
     int64_t confirmed_us;   /* when it was last known to transmit the newest content */
     int64_t unbroken_us;    /* since when it was known without a pause; INT64_MIN: never */
+    int64_t paused_us;      /* when it was last known to before that pause; INT64_MIN: never */
     uint64_t payloads;      /* taken by the radio */
     uint64_t replaced;      /* on the air, not given to it: a newer one came first */
     unsigned starts;        /* times it came on air */

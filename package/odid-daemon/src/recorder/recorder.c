@@ -114,6 +114,18 @@ int64_t recorder_open_gap_us(const struct recorder *recorder, enum channel chann
     return armed_silence_us(recorder, channel, now_us);
 }
 
+/* It was taken for sending a moment before it was found silent: it had last been known to at_us.
+ * What is counted already stays so. */
+static void take_back(struct recorder *recorder, enum channel channel, int64_t at_us)
+{
+    struct recorder_channel_totals *totals = &recorder->totals.channels[channel];
+
+    if (at_us != INT64_MIN) { /* a daemon's first */
+        at_us = later(at_us, recorder->settled_us[channel]);
+        totals->heard_us = at_us < totals->heard_us ? at_us : totals->heard_us;
+    }
+}
+
 static void take_channel(struct recorder *recorder, enum channel channel,
                          const struct recorder_channel_status *status)
 {
@@ -139,14 +151,16 @@ static void take_channel(struct recorder *recorder, enum channel channel,
         say(recorder, totals->first_us, "first_broadcast", ",\"channel\":\"%s\"",
             channel_name(channel));
     } else if (status->unbroken_us > totals->heard_us + ROUNDING_US) {
+        take_back(recorder, channel, status->paused_us);
         silent_us = settle(recorder, channel, status->unbroken_us);
         say(recorder, totals->heard_us, "gap", ",\"channel\":\"%s\",\"seconds\":%.2f,\"armed\":%s",
             channel_name(channel), duration_s(status->unbroken_us - totals->heard_us),
             silent_us > 0 ? "true" : "false");
     }
-    /* What one was taken for a moment before it was found silent is taken back. */
-    totals->heard_us = later(status->confirmed_us,
-                             status->on_air ? totals->heard_us : recorder->settled_us[channel]);
+    if (!status->on_air) {
+        take_back(recorder, channel, status->confirmed_us);
+    }
+    totals->heard_us = later(totals->heard_us, status->confirmed_us);
     totals->known = status->known > totals->known ? status->known : totals->known;
 }
 

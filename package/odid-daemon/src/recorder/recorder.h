@@ -25,6 +25,7 @@ struct recorder_channel_status {
     bool disabled;                 /* by configuration */
     int64_t confirmed_us;          /* last known to transmit the newest content */
     int64_t unbroken_us;           /* since when without a pause */
+    int64_t paused_us;             /* last before that pause */
     char text[RECORDER_TEXT_SIZE]; /* "absent: no control socket" */
 };
 

@@ -37,6 +37,7 @@ static void read_channel(struct recorder_channel_status *out, struct json_object
     out->known = out->on_air ? recorder_json_known(channel) : RADIO_SET;
     out->confirmed_us = instant(channel, "confirmed_s", now_us);
     out->unbroken_us = instant(channel, "unbroken_s", now_us);
+    out->paused_us = instant(channel, "paused_s", now_us);
     if (out->confirmed_us == INT64_MIN || out->unbroken_us == INT64_MIN) {
         out->confirmed_us = out->unbroken_us = INT64_MIN; /* neither without the other */
     }

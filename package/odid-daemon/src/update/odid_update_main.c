@@ -86,7 +86,7 @@ static void begin_update(int64_t now_us)
 static void on_tick(void *context, int64_t now_us)
 {
     (void)context;
-    service_take_late_record(&self, now_us);
+    service_take_late_record(&self);
     if (self.update.state != UPDATE_IDLE) {
         act(now_us);
     } else {

@@ -60,9 +60,9 @@ void service_keep(struct service *self, enum update_outcome outcome, const char 
  * kernel's command line is an old story, and an install may be going on. */
 void service_resume(struct service *self, bool first, int64_t now_us);
 
-/* A worn disk answers late, and /data is in memory until then: a trial that began without its
- * record begins anew with it. */
-void service_take_late_record(struct service *self, int64_t now_us);
+/* A worn disk answers late, and /data is in memory until then: of a trial that began without its
+ * record it is known then what it took the place of, and whose it is. */
+void service_take_late_record(struct service *self);
 
 /* Whether the other slot is to be started for its trial, by U-Boot's variables as they are now. */
 bool service_is_marked(const struct service *self);

@@ -1,7 +1,7 @@
 /* odid-update: what the boot loader and an earlier process left behind, at its start. */
 #include <stdio.h>
 #include <string.h>
-#include <unistd.h>
+#include <sys/stat.h>
 
 #include "base/log.h"
 #include "base/whole_file.h"
@@ -129,25 +129,35 @@ static void begin_trial(struct service *self, bool recorded, int64_t now_us)
     }
 }
 
-void service_take_late_record(struct service *self, int64_t now_us)
+/* In memory, and nothing of the disk is there yet. */
+static bool data_is_late(void)
 {
-    if (self->update.state == UPDATE_TRIAL && self->data_late && access(IN_MEMORY, F_OK) < 0) {
+    struct stat memory;
+
+    return stat(IN_MEMORY, &memory) == 0 && memory.st_size == 0;
+}
+
+/* What worked before isn't asked for any more: what was set on the disk may not be in force. */
+void service_take_late_record(struct service *self)
+{
+    if (self->update.state == UPDATE_TRIAL && self->data_late && !data_is_late()) {
         self->data_late = false;
-        begin_trial(self, take_record(self), now_us);
+        take_record(self);
+        self->record.channels_known = false;
     }
 }
 
 void service_resume(struct service *self, bool first, int64_t now_us)
 {
     const struct update_variables *variables = &self->variables;
-    bool recorded = take_record(self);
+    bool late = data_is_late(), recorded = take_record(self);
     char fallback[128] = "";
 
     if (first) {
         kernel_word("odid.fallback=", fallback, sizeof(fallback));
     }
     if (is_trial(variables, self->running)) {
-        self->data_late = !recorded && access(IN_MEMORY, F_OK) == 0;
+        self->data_late = late && !recorded;
         begin_trial(self, recorded, now_us);
     } else if (is_trial(variables, self->other) && fallback[0] == '\0') {
         update_version(&self->update, self->record.to); /* installed, not restarted yet */

@@ -73,7 +73,7 @@ static void stable_names(void **state)
     channels = json_object_object_get(root, "channels");
     expect_fields(channels, "bt4",
                   "title state detail known required stuck silent since_s last_accepted_s "
-                  "confirmed_s unbroken_s payloads replaced starts repairs failures");
+                  "confirmed_s unbroken_s paused_s payloads replaced starts repairs failures");
     expect_fields(root, "link",
                   "name state detail since_s bytes_in bytes_out bytes_dropped overrun opened "
                   "senders");
@@ -125,6 +125,7 @@ static void values(void **state)
     expect_json("channels.wifi.confirmed_s", "0.05");
     expect_json("channels.wifi.unbroken_s", "4.90");
     expect_json("channels.bt5.unbroken_s", "null");
+    expect_json("channels.wifi.paused_s", "5.90");
     expect_json("position.latitude_deg", "57.7089000");
     expect_json("position.altitude_barometric_m", "null");
     expect_json("position.direction_deg", "null");

@@ -52,6 +52,7 @@ static void a_pause_ends_what_was_unbroken(void **state)
     radio_accepted(&radio, CHANNEL_BT4, 51 + 2 * RADIO_PAUSE_US);
     radio_confirmed(&radio, 51 + 2 * RADIO_PAUSE_US);
     assert_int_equal(radio.unbroken_us, 51 + 2 * RADIO_PAUSE_US);
+    assert_int_equal(radio.paused_us, 50 + RADIO_PAUSE_US);
 }
 
 static void what_was_denied_is_not_confirmed(void **state)

@@ -203,6 +203,23 @@ static void a_channel_that_is_not_required_has_no_gaps(void **state)
     assert_int_equal(bench.flight.totals.faults, 0);
 }
 
+/* By the time that it was looked at it sent again: the record had the last 0.8 s of 2.8. */
+static void what_was_taken_for_sent_between_two_looks_is_taken_back(void **state)
+{
+    (void)state;
+    take_off();
+    pass(3);
+    bench.now_us += 700000;
+    set_sending(CHANNEL_WIFI, true);
+    bench.snapshot.channels[CHANNEL_WIFI].paused_us = bench.now_us - 2800000;
+    bench.now_us -= 700000;
+    pass(3);
+    expect_line("\"event\":\"gap\",\"channel\":\"wifi\",\"seconds\":2.80,\"armed\":true}");
+    look();
+    NEAR(totals(CHANNEL_WIFI)->silent_us, 2800000);
+    assert_int_equal(totals(CHANNEL_WIFI)->gaps, 1);
+}
+
 /* Nobody wanted it meanwhile. */
 static void a_silence_that_was_wanted_is_not_counted_later(void **state)
 {
@@ -704,6 +721,7 @@ int main(void)
         TEST(a_flight_without_a_gap),
         TEST(a_gap_has_its_true_length),
         TEST(what_was_taken_for_sent_is_taken_back),
+        TEST(what_was_taken_for_sent_between_two_looks_is_taken_back),
         TEST(a_silence_that_was_wanted_is_not_counted_later),
         TEST(that_a_chip_counted_is_kept),
         TEST(of_two_gaps_the_longest_counts),
