@@ -30,6 +30,13 @@ def ssh(machine, key, *command):
     return done.returncode, done.stdout
 
 
+def test_what_a_program_opens_by_name_is_there(make_machine):
+    """A shell's <(...), and nft -f - where nothing else makes these names."""
+    machine = make_machine("names")
+    machine.power_on()
+    assert machine.run("for one in fd stdin stdout stderr; do [ -e /dev/$one ] || echo $one; done").output == ""
+
+
 @pytest.fixture
 def key(tmp_path):
     path = tmp_path / "key"
