@@ -50,7 +50,7 @@ def wait_for(what, condition, within_s=None, part=None, every_s=0.02, limit_s=LI
                 promise(what, took_s, within_s)
             return value
         if took_s > limit_s:
-            tail = f"; its log ends:\n{part.log()[-1500:]}" if part else ""
+            tail = f"; its log ends:\n{part.log()[-6000:]}" if part else ""
             raise TimeoutError(f"waited {limit_s} s in vain for {what}{tail}")
         time.sleep(every_s)
 
