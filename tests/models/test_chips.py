@@ -357,6 +357,12 @@ class Driver:
         self.chip = wifi_chip.WifiChip(lambda channel, frame: self.frames.append((channel, frame)), self.later)
         self.qemu = Qemu(self.chip)
         self.later.come()
+        self.ask_version()
+        self.later.come()
+
+    def ask_version(self):
+        """What a driver asks first. The firmware runs a moment after the first time."""
+        return int.from_bytes(self.qemu.control(0xC1, 5, length=24)[1][:4], "little")
 
     def request(self, command, data=b"", is_set=False, length=None, interface=0):
         """Status and answer; None: the chip says nothing."""
@@ -413,8 +419,19 @@ def wifi_driver():
     return Driver()
 
 
+def test_a_boot_loader_comes_before_the_firmware_once_a_power_on(driver):
+    assert driver.qemu.kinds().count(usbredir.DEVICE_CONNECT) == 2
+    driver.chip.disconnected()
+    driver.qemu = Qemu(driver.chip)
+    driver.later.come()
+    assert driver.qemu.control(0x21, 0, bytes(16))[0] == usbredir.STALL
+    assert [driver.ask_version(), driver.ask_version()] == [wifi_chip.BOOT_LOADER] * 2
+    assert driver.later.come() == [wifi_chip.LOADED_S] * 2
+    assert driver.ask_version() == wifi_chip.RUNNING and driver.qemu.kinds().count(usbredir.DEVICE_CONNECT) == 2
+
+
 def test_the_driver_takes_it_for_a_firmware_that_runs(driver):
-    assert driver.qemu.control(0xC1, 5, length=24)[1][:4] == struct.pack("<I", 0xA123)
+    assert driver.ask_version() == 0xA123
     assert driver.get("cur_etheraddr", 6) == (0, wifi_chip.MAC)
     assert b" version 7.45" in driver.get("ver", 256)[1]
     assert driver.get("nonsense")[0] == wifi_chip.UNSUPPORTED
@@ -574,6 +591,8 @@ def test_it_listens_for_qemu_and_beacons_come_by_themselves(short_folder):
             line.connect(str(short_folder / "qemu"))
             driver = Driver.__new__(Driver)
             driver.qemu = RemoteQemu(line)
+            assert driver.ask_version() == wifi_chip.BOOT_LOADER
+            driver.qemu.wait_connected(2)
             driver.access_point()
             driver.set("vndr_ie", driver.element(b"add", ELEMENT))
             patience.wait_for("two beacons", lambda: len(air.beacons(pcap)) > 1, part=part)
@@ -589,7 +608,10 @@ class RemoteQemu(Qemu):
         self._line = line
         line.settimeout(patience.LIMIT_S)
         super().__init__(self)
-        while usbredir.DEVICE_CONNECT not in self.kinds():
+        self.wait_connected(1)
+
+    def wait_connected(self, times):
+        while self.kinds().count(usbredir.DEVICE_CONNECT) < times:
             self._take(self._line.recv(65536))
 
     def connected(self, _):

@@ -2,7 +2,10 @@
 
 QEMU has no SDIO bus to put a chip on; brcmfmac's USB bus speaks the same control protocol (BCDC) and leads to the same
 code of the driver's. So what is real is everything from hostapd to the driver's bus; the bus, the loading of the firmware
-and what the firmware makes of it are ours. Each connection of QEMU's (--listen SOCKET, its `usb-redir`) is a power-on.
+and what the firmware makes of it are ours. Each connection of QEMU's (--listen SOCKET, its `usb-redir`) is a power-on:
+the driver meets a boot loader, whose chip it has no firmware for on this bus, and a moment later the chip is back with one
+that runs. By then the driver's module has started: with a firmware that runs from the outset it would ask for its second
+module (brcmfmac-wcc, since 6.2) within its own start, and wait for ever, as it never has to with the board's chip.
 Beacons, and answers to whom an order sends, go into the pcap that the judge hears (--out).
 
 The requests, events and structures are those of Linux' brcmfmac (fwil.h, fwil_types.h, fweh.h, bcdc.c, usb.c,
@@ -41,7 +44,8 @@ ERROR, SET = 1 << 0, 1 << 1  # of a request's flags
 # The boot loader's requests, which a running firmware answers, too.
 IN_VENDOR, OUT_CLASS, IN_CLASS = 0xC1, 0x21, 0xA1
 GET_BOOT_VERSION, RESET_CONFIGURATION = 5, 8
-RUNNING = 0xA123
+BOOT_LOADER, RUNNING = 0x4345, 0xA123  # what says so
+LOADED_S = 1.0
 HUNG_S = 1.0  # the driver waits for 2 s; what it gives up by itself would end QEMU (usbredir.py)
 
 ASSOCIATION, DISASSOCIATED, INTERFACE = 8, 12, 54  # events
@@ -274,7 +278,7 @@ class WifiChip(usbredir.UsbDevice):
         super().__init__()
         self._send_frame, self._later = send, later
         self.faults, self.firmware = Faults(), None
-        self.present, self.late_s = True, 0.0
+        self.present, self.late_s, self.loaded = True, 0.0, False
         self._answer, self._hung = b"", False
 
     # --- power --------------------------------------------------------------
@@ -283,14 +287,25 @@ class WifiChip(usbredir.UsbDevice):
         self._hung, self._answer = False, b""
         self.firmware = Firmware(self.bulk_in, self._send_frame, self.faults)
 
+    def connected(self, write):
+        super().connected(write)
+        self.loaded = False
+
     def ready(self):
         if self.present:
             self._later(self.late_s, self.plug)
 
     def plug(self):
         if self.present and self.write is not None and not self.plugged:
-            self._start_firmware()
+            if self.loaded:
+                self._start_firmware()
             super().plug()
+
+    def _load(self):
+        if not self.loaded:
+            self.unplug()
+            self.loaded = True
+            self.plug()
 
     def unplug(self):
         super().unplug()
@@ -306,8 +321,10 @@ class WifiChip(usbredir.UsbDevice):
         kind, request = body[2], body[1]
         if kind == IN_VENDOR and request in (GET_BOOT_VERSION, RESET_CONFIGURATION):
             # A driver begins. On the board it has just switched the chip's power.
-            if self._hung or request == RESET_CONFIGURATION:
+            if self.loaded and (self._hung or request == RESET_CONFIGURATION):
                 self._start_firmware()
+            elif not self.loaded:
+                self._later(LOADED_S, self._load)
         if self._hung and kind in (OUT_CLASS, IN_CLASS):
             self._later(HUNG_S, lambda: self.plugged and self.answer_control(ident, body, None))
         else:
@@ -315,7 +332,9 @@ class WifiChip(usbredir.UsbDevice):
 
     def control(self, kind, request, value, index, data):
         if kind == IN_VENDOR:
-            return words(RUNNING, 0, 0, 0, 0, 0)
+            return words(RUNNING if self.loaded else BOOT_LOADER, 0, 0, 0, 0, 0)
+        if self.firmware is None:
+            return None
         if (kind, request) == (OUT_CLASS, 0):
             self._answer = self.firmware.request(data)
             return b""
