@@ -537,11 +537,13 @@ def test_a_firmware_that_crashes_falls_off_the_bus_and_comes_back_empty(driver):
     driver.access_point()
     waiting = driver.qemu.ask()
     driver.chip.obey(["crash", "2.5"])
+    assert driver.qemu.kinds()[-1] != usbredir.DEVICE_DISCONNECT
+    assert driver.qemu.control(0x21, 0, bytes(16))[0] == usbredir.STALL
     assert driver.qemu.given(waiting)[0] == usbredir.IO_ERROR
     assert driver.qemu.kinds()[-1] == usbredir.DEVICE_DISCONNECT and driver.chip.firmware is None
     with pytest.raises(ValueError, match="no firmware"):
         driver.chip.obey(["crash"])
-    assert driver.later.come() == [2.5]
+    assert driver.later.come() == [wifi_chip.ASKED_S, 2.5]
     assert driver.qemu.kinds()[-1] == usbredir.DEVICE_CONNECT and driver.beacon() is None
 
 

@@ -8,8 +8,9 @@ From usbredir's own description of the protocol (docs/usb-redirection-protocol.m
 QEMU 10 was seen to send.
 
 raspi4b's host controller (QEMU 10, hw/usb/hcd-dwc2.c) forgets no transfer that the kernel has taken back, and ends QEMU by
-an assertion when it meets it again. So whatever makes the kernel take transfers back, a cable that is pulled or a port that
-is closed, has to find none open: they end with an error right before.
+an assertion when it meets it again, or one whose device is gone. So whatever makes the kernel take transfers back, a cable
+that is pulled or a port that is closed, has to find none open: they end with an error right before. (Where requests never
+cease, it comes right behind the answer to one: wifi_chip.py.)
 """
 
 import asyncio
@@ -90,12 +91,13 @@ class UsbDevice:
         self.plugged = True
         self._announce()
 
-    def unplug(self):
+    def unplug(self, last=b""):
+        """last: what it has sent right before."""
         if self.plugged:
             self.plugged = False
             ended = self._all_ended(IO_ERROR)
             self._nothing_open()
-            self.write(ended + self._packed(DEVICE_DISCONNECT, 0, b""))  # in one piece: nothing comes in between
+            self.write(last + ended + self._packed(DEVICE_DISCONNECT, 0, b""))  # in one piece: nothing comes in between
 
     def ready(self):
         """Both sides have said what they can. (Subclasses plug themselves in here.)"""
@@ -212,11 +214,17 @@ class UsbDevice:
 
     def answer_control(self, ident, body, data):
         """body: the request; data: None for a stall."""
+        if self.write is not None:
+            self.write(self.control_answer(ident, body, data))
+
+    def control_answer(self, ident, body, data):
+        """The same, to be sent."""
         endpoint, request, kind, _, value, index, length = struct.unpack_from("<BBBBHHH", body)
         status = STALL if data is None else SUCCESS
         data = (data or b"")[:length] if kind & TO_HOST else b""
         done = len(data) if kind & TO_HOST else length
-        self._send(CONTROL, ident, struct.pack("<BBBBHHH", endpoint, request, kind, status, value, index, done) + data)
+        head = struct.pack("<BBBBHHH", endpoint, request, kind, status, value, index, done)
+        return self._packed(CONTROL, ident, head + data)
 
     def _standard(self, kind, request, value, _index, _data):
         if request != GET_DESCRIPTOR:

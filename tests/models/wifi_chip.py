@@ -46,6 +46,7 @@ IN_VENDOR, OUT_CLASS, IN_CLASS = 0xC1, 0x21, 0xA1
 GET_BOOT_VERSION, RESET_CONFIGURATION = 5, 8
 BOOT_LOADER, RUNNING = 0x4345, 0xA123  # what says so
 LOADED_S = 1.0
+ASKED_S = 2.0  # within which a driver that is there asks something
 HUNG_S = 1.0  # the driver waits for 2 s; what it gives up by itself would end QEMU (usbredir.py)
 
 ASSOCIATION, DISASSOCIATED, INTERFACE = 8, 12, 54  # events
@@ -279,7 +280,7 @@ class WifiChip(usbredir.UsbDevice):
         self._send_frame, self._later = send, later
         self.faults, self.firmware = Faults(), None
         self.present, self.late_s, self.loaded = True, 0.0, False
-        self._answer, self._hung = b"", False
+        self._answer, self._hung, self._fallen = b"", False, None
 
     # --- power --------------------------------------------------------------
 
@@ -289,7 +290,7 @@ class WifiChip(usbredir.UsbDevice):
 
     def connected(self, write):
         super().connected(write)
-        self.loaded = False
+        self.loaded, self._fallen = False, None
 
     def ready(self):
         if self.present:
@@ -307,9 +308,19 @@ class WifiChip(usbredir.UsbDevice):
             self.loaded = True
             self.plug()
 
-    def unplug(self):
-        super().unplug()
+    def unplug(self, last=b""):
+        super().unplug(last)
         self.firmware = None
+
+    def _fall(self, then):
+        """Off the bus: right behind its next answer, when no request is under way (usbredir.py)."""
+        def fallen(last=b""):
+            if self._fallen is fallen:
+                self._fallen = None
+                self.unplug(last)
+                then()
+        self._fallen = fallen
+        self._later(ASKED_S, fallen)
 
     def disconnected(self):
         super().disconnected()
@@ -327,6 +338,8 @@ class WifiChip(usbredir.UsbDevice):
                 self._later(LOADED_S, self._load)
         if self._hung and kind in (OUT_CLASS, IN_CLASS):
             self._later(HUNG_S, lambda: self.plugged and self.answer_control(ident, body, None))
+        elif self._fallen:
+            self._fallen(self.control_answer(ident, body, None))
         else:
             super()._control(ident, body)
 
@@ -366,8 +379,8 @@ class WifiChip(usbredir.UsbDevice):
     def _crash(self, _, seconds="1"):
         if self.firmware is None:
             raise ValueError("there is no firmware that runs")
-        self.unplug()
-        self._later(float(seconds), self.plug)
+        seconds = float(seconds)
+        self._fall(lambda: self._later(seconds, self.plug))
 
     def asked(self):
         if self._hung:
@@ -379,7 +392,7 @@ class WifiChip(usbredir.UsbDevice):
 
     def _take(self, _):
         self.present = False
-        self.unplug()
+        self._fall(lambda: None)
 
     def _put(self, _):
         self.present = True
