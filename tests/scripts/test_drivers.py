@@ -132,6 +132,25 @@ def test_what_is_no_radio_of_the_broadcast_s_any_more_is_no_fault(appliance, mak
     assert appliance.fault("radio-hci0") is None
 
 
+def test_a_chip_without_its_patch_is_a_fault(appliance, make_driven, watch):
+    """By the kernel's record, in which a device's name with a line of its own in it stays one line."""
+    def record(number, text):
+        return f"3,{number},{number}000,-;{text}\n SUBSYSTEM=bluetooth\n"
+    nowhere, loaded = "Bluetooth: hci0: BCM: firmware Patch file not found, tried:", "Bluetooth: hci0: BCM4345C0 'brcm/BCM4345C0.hcd' Patch"
+    name = f"usb 1-1: Product: ;{nowhere}\\x0a{nowhere}"
+    make_driven("hci0", *SERIAL)
+    appliance.write("dev/kmsg", record(1, nowhere) + record(2, loaded) + record(3, name) + record(4, nowhere.replace("hci0", "hci1")))
+    watch()
+    say(appliance, "hci0 on-air 5")
+    assert appliance.fault("patch-hci0") is None
+    say(appliance, "hci0 stuck 0")
+    appliance.write("dev/kmsg", record(1, loaded) + record(2, nowhere) + record(3, "Bluetooth: hci0: BCM: 'brcm/BCM.hcd'"))
+    say(appliance, "hci0 on-air 1")
+    assert "The Bluetooth chip of hci0 runs without its patch" in appliance.fault("patch-hci0")
+    say(appliance, "hci1 off 0")
+    assert appliance.fault("patch-hci0") is None
+
+
 def test_it_is_tried_again_and_less_and_less_often(appliance, make_driven, watch):
     """Also where its interface doesn't come again."""
     driven = make_driven("hci0", *SERIAL)

@@ -207,6 +207,9 @@ def main():
             took_s, faults, failed = took_s + seconds, faults + number_of_faults, failed + bool(said)
             if said:
                 print(said, flush=True)
+        # Leaving ends them by SIGTERM, which program.run's handler keeps for Python to see: one that is about to wait never does.
+        pool.close()
+        pool.join()
     flown_s = len(seeds) * minutes * 60
     print(f"{len(seeds)} flights, {flown_s / 3600:.1f} hours, {faults} faults, in {time.monotonic() - begun:.0f} s "
           f"({flown_s / took_s:.0f} times real time on each processor): {failed} broke a law; "

@@ -44,6 +44,10 @@ class Appliance:
         """How often the boot loader began since power-on."""
         return self.machine.console_text().count(START)
 
+    def log(self):
+        """Its end, without the kernel's part."""
+        return self.machine.run("logread | grep -v kern | tail -n 60").output
+
     def wait_restart(self, before):
         """Until the boot loader has begun again and a shell answers; time.monotonic() of the former."""
         if self.machine.shell:
@@ -53,8 +57,7 @@ class Appliance:
             wait_for("a restart", lambda: self.starts() > before)
         except TimeoutError as error:
             self.machine.wait_shell()  # what comes after has a machine still
-            log = self.machine.run("logread | tail -n 40").output
-            raise TimeoutError(f"{error}; its log ends:\n{log}") from None
+            raise TimeoutError(f"{error}; its log ends:\n{self.log()}") from None
         began = time.monotonic()
         self.machine.wait_shell()
         return began

@@ -141,9 +141,8 @@ class Course:
     def expect(self, version, result):
         found = self.appliance.result()
         if self.appliance.version() != version or result.items() - found.items():
-            log = self.machine.run("logread | grep -v kern | tail -n 60").output
             raise RuntimeError(f"version {self.appliance.version()}, {found}; expected {version}, {result}; "
-                               f"faults {self.appliance.faults()}; its log ends:\n{log}")
+                               f"faults {self.appliance.faults()}; its log ends:\n{self.appliance.log()}")
 
     def run(self, short):
         """short: one update that is kept, and one that the boot loader gives up."""

@@ -14,7 +14,8 @@ from .bundles import NEWER, Failure
 pytestmark = pytest.mark.skipif(not FLASHED, reason="of the image that is flashed: make system IMAGE=build/image/cm4/images/disk.img")
 
 FAILURES = (
-    Failure("no_bluetooth_driver", {"lib/modules/**/hci_uart.ko*": None}, "Bluetooth 4 isn't on the air"),
+    Failure("no_patch_file", {"lib/firmware/brcm/BCM4345C0.hcd": None}, "Not so before.*Bluetooth chip.*without its patch"),
+    Failure("no_regulatory_database", {"lib/firmware/regulatory.db": None}, "Not so before.*radio rules"),
     Failure("no_wifi_driver", {"lib/modules/**/brcmfmac.ko*": None}, "Wi-Fi.*isn't on the air"),
 )
 

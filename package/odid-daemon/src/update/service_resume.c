@@ -1,7 +1,6 @@
 /* odid-update: what the boot loader and an earlier process left behind, at its start. */
 #include <stdio.h>
 #include <string.h>
-#include <sys/stat.h>
 
 #include "base/log.h"
 #include "base/whole_file.h"
@@ -119,6 +118,7 @@ static bool take_record(struct service *self)
 static void begin_trial(struct service *self, bool recorded, int64_t now_us)
 {
     self->expectation.channels = self->record.channels;
+    self->expectation.radio_faults = recorded ? self->record.radio_faults : ~0U;
     self->expectation.wanted = self->record.services;
     snprintf(self->configuration, sizeof(self->configuration), "%s", self->record.configuration);
     update_try(&self->update, self->version, now_us);
@@ -129,18 +129,10 @@ static void begin_trial(struct service *self, bool recorded, int64_t now_us)
     }
 }
 
-/* In memory, and nothing of the disk is there yet. */
-static bool data_is_late(void)
-{
-    struct stat memory;
-
-    return stat(IN_MEMORY, &memory) == 0 && memory.st_size == 0;
-}
-
 /* What worked before isn't asked for any more: what was set on the disk may not be in force. */
 void service_take_late_record(struct service *self)
 {
-    if (self->update.state == UPDATE_TRIAL && self->data_late && !data_is_late()) {
+    if (self->update.state == UPDATE_TRIAL && self->data_late && !update_data_is_late(IN_MEMORY)) {
         self->data_late = false;
         take_record(self);
         self->record.channels_known = false;
@@ -150,7 +142,7 @@ void service_take_late_record(struct service *self)
 void service_resume(struct service *self, bool first, int64_t now_us)
 {
     const struct update_variables *variables = &self->variables;
-    bool late = data_is_late(), recorded = take_record(self);
+    bool late = update_data_is_late(IN_MEMORY), recorded = take_record(self);
     char fallback[128] = "";
 
     if (first) {

@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include "appliance/armed.h"
+#include "appliance/faults.h"
 #include "appliance/kept.h"
 #include "appliance/status_fetch.h"
 #include "base/log.h"
@@ -120,6 +121,7 @@ void service_look(struct service *self, struct update_board *board, int64_t now_
     struct json_object *status = ask_daemon(self, board);
 
     if (self->update.state == UPDATE_TRIAL) {
+        struct json_object *faults = faults_list(FAULTS);
         struct update_services services;
 
         update_services_read(&services, SERVICES);
@@ -131,7 +133,8 @@ void service_look(struct service *self, struct update_board *board, int64_t now_
             update_try(&self->update, self->version, now_us);
         }
         ask_no_more_for_what_was_switched_off(self, status);
-        update_judge(&self->expectation, status, &services, board);
+        update_judge(&self->expectation, status, faults, &services, board);
+        json_object_put(faults);
         compare_versions(self, board);
     } else if (self->update.state == UPDATE_INSTALLING && take_channels(self, status)) {
         write_record(self); /* a channel that wasn't up yet when the install began */
@@ -143,7 +146,7 @@ void service_look(struct service *self, struct update_board *board, int64_t now_
 void service_begin_record(struct service *self)
 {
     struct update_board board;
-    struct json_object *status = ask_daemon(self, &board);
+    struct json_object *status = ask_daemon(self, &board), *faults = faults_list(FAULTS);
 
     memset(&self->record, 0, sizeof(self->record));
     self->record.slot = self->other;
@@ -154,6 +157,8 @@ void service_begin_record(struct service *self)
     take_channels(self, status);
     identify_configuration(self->record.configuration);
     update_services_read(&self->record.services, SERVICES);
+    self->record.radio_faults = update_radio_faults(faults);
+    json_object_put(faults);
     json_object_put(status);
     if (!write_record(self)) {
         /* Without a record its trial would pass for one that was given up (was_given_up). */

@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -13,6 +14,13 @@
 
 #define PATH_SIZE 300
 #define RECORD_MAX 8192
+
+bool update_data_is_late(const char *mark)
+{
+    struct stat memory;
+
+    return stat(mark, &memory) == 0 && memory.st_size == 0;
+}
 
 static void add_field(struct json_object *object, const char *name, struct json_object *value)
 {
@@ -141,6 +149,7 @@ int update_write_record(const char *data, const struct update_record *record)
     add_field(object, "from_server", json_object_new_boolean(record->from_server));
     add_field(object, "unattended", json_object_new_boolean(record->unattended));
     add_field(object, "channels", number(record->channels_known ? (int)record->channels : -1));
+    add_field(object, "radio_faults", json_object_new_int64(record->radio_faults));
     for (unsigned i = 0; i < record->services.count; i++) {
         if (record->services.service[i].pid != 0) {
             json_object_array_add(services, text(record->services.service[i].name));
@@ -178,7 +187,7 @@ static void take_services(struct json_object *array, struct update_services *ser
 int update_read_record(const char *data, struct update_record *record)
 {
     char path[PATH_SIZE], slot[2], *content;
-    struct json_object *object, *channels, *from_server;
+    struct json_object *object, *channels, *from_server, *radio_faults;
     size_t length;
 
     memset(record, 0, sizeof(*record));
@@ -204,6 +213,10 @@ int update_read_record(const char *data, struct update_record *record)
     channels = json_object_object_get(object, "channels");
     record->channels_known = channels != NULL;
     record->channels = (unsigned)json_object_get_int(channels);
+    /* A version before this one didn't say: none is new then. */
+    radio_faults = json_object_object_get(object, "radio_faults");
+    record->radio_faults =
+        radio_faults == NULL ? ~0U : (unsigned)json_object_get_int64(radio_faults);
     take_services(json_object_object_get(object, "services"), &record->services);
     take_text(object, "configuration", record->configuration, sizeof(record->configuration));
     json_object_put(object);

@@ -6,10 +6,14 @@
 #ifndef ODID_UPDATE_FILES_H
 #define ODID_UPDATE_FILES_H
 
+#include <stdbool.h>
 #include <sys/types.h>
 
 #include "appliance/update_names.h"
 #include "update/update_judge.h"
+
+/* Is what is kept in memory, without what the disk has, which may come yet? mark: IN_MEMORY. */
+bool update_data_is_late(const char *mark);
 
 enum update_outcome { UPDATE_INSTALLED, UPDATE_REFUSED, UPDATE_BACK };
 
@@ -28,6 +32,7 @@ struct update_record {
     bool unattended;                          /* a stick's: nobody asked for it */
     bool channels_known;                      /* the daemon said something of them */
     unsigned channels;                        /* that were on the air, 1 << channel */
+    unsigned radio_faults;                    /* update_radio_faults */
     struct update_services services;          /* that ran */
     char configuration[UPDATE_IDENTITY_SIZE]; /* the one in force then; empty: not known */
 };

@@ -155,7 +155,29 @@ void update_services_forget(struct update_services *services, const char *name)
     }
 }
 
-/* ---- both ---- */
+/* ---- what a radio lacks ---- */
+
+static unsigned radio_fault(struct json_object *fault)
+{
+    const char *name = json_object_get_string(json_object_object_get(fault, "name"));
+
+    if (name == NULL) {
+        return 0;
+    }
+    return strcmp(name, "country") == 0 ? 1U : begins_with(name, "patch-") ? 2U : 0;
+}
+
+unsigned update_radio_faults(struct json_object *faults)
+{
+    unsigned found = 0;
+
+    for (size_t i = 0; i < json_object_array_length(faults); i++) {
+        found |= radio_fault(json_object_array_get_idx(faults, i));
+    }
+    return found;
+}
+
+/* ---- all of it ---- */
 
 static bool complain(struct update_board *board, const char *format, ...)
     __attribute__((format(printf, 2, 3)));
@@ -202,6 +224,20 @@ static bool judge_channels(const struct update_expectation *expectation, struct 
     return true;
 }
 
+static bool judge_radios(const struct update_expectation *expectation, struct json_object *faults,
+                         struct update_board *board)
+{
+    for (size_t i = 0; i < json_object_array_length(faults); i++) {
+        struct json_object *fault = json_object_array_get_idx(faults, i);
+
+        if ((radio_fault(fault) & ~expectation->radio_faults) != 0) {
+            return complain(board, "Not so before the update: %s",
+                            json_object_get_string(json_object_object_get(fault, "sentence")));
+        }
+    }
+    return true;
+}
+
 static bool judge_services(struct update_expectation *expectation,
                            const struct update_services *now, struct update_board *board)
 {
@@ -225,11 +261,13 @@ static bool judge_services(struct update_expectation *expectation,
 }
 
 void update_judge(struct update_expectation *expectation, struct json_object *status,
-                  const struct update_services *now, struct update_board *board)
+                  struct json_object *faults, const struct update_services *now,
+                  struct update_board *board)
 {
     bool daemon = judge_daemon(expectation, status, board);
 
     board->well = daemon && judge_channels(expectation, status, board) &&
+                  judge_radios(expectation, faults, board) &&
                   judge_services(expectation, now, board);
     expectation->before = *now;
 }

@@ -1,6 +1,7 @@
 /*
  * Is all well that worked in the old slot? For an update's trial: the channels
- * by the daemon's status, and the services by their supervisors. Position,
+ * by the daemon's status, what a radio lacks by the appliance's faults, and the
+ * services by their supervisors. Position,
  * autopilot and identity don't count: hangars have none of them.
  */
 #ifndef ODID_UPDATE_JUDGE_H
@@ -46,7 +47,15 @@ void update_services_read(struct update_services *services, const char *director
 /* From now on name isn't one that ran. */
 void update_services_forget(struct update_services *services, const char *name);
 
-/* ---- both ---- */
+/* ---- what a radio lacks ---- */
+
+/*
+ * Bits, of the appliance's faults (faults_list) those that say what a radio that transmits lacks:
+ * the country's rules, its patch. Nobody who speaks to a radio brings them about.
+ */
+unsigned update_radio_faults(struct json_object *faults);
+
+/* ---- all of it ---- */
 
 /*
  * Sets well and complaint. wanted: channels, and services by name, of which a version that hasn't
@@ -55,11 +64,13 @@ void update_services_forget(struct update_services *services, const char *name);
  */
 struct update_expectation {
     unsigned channels;
+    unsigned radio_faults; /* that there were before */
     struct update_services wanted, before;
     double uptime_s; /* the daemon's, when it was looked at last */
 };
 
 void update_judge(struct update_expectation *expectation, struct json_object *status,
-                  const struct update_services *now, struct update_board *board);
+                  struct json_object *faults, const struct update_services *now,
+                  struct update_board *board);
 
 #endif

@@ -2,7 +2,6 @@
 
 #include <json-c/json_object.h>
 #include <stdio.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include "appliance/armed.h"
@@ -34,10 +33,8 @@ static bool prevents_downgrade(void)
  * force. */
 static bool is_what_was_set(void)
 {
-    struct stat memory;
-
     return import_sound(CONFIGURATION) && access(FAULTS "/settings", F_OK) < 0 &&
-           (stat(IN_MEMORY, &memory) < 0 || memory.st_size > 0);
+           !update_data_is_late(IN_MEMORY);
 }
 
 /* A disk that has turned read-only may not have said so yet: it is tried. */

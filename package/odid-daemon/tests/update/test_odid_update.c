@@ -756,6 +756,25 @@ static void the_keys_are_taken_away_and_ssh_is_not_asked_for(void **state)
 }
 
 /* Its stick would offer it again at every start, as newer than what runs. */
+/* Which transmits all the same, by other rules than before or without its patch. */
+static void one_whose_radio_lacks_something_is_rolled_back(void **state)
+{
+    (void)state;
+    slot_b_is_on_trial();
+    put(FAULTS "/country", "The radio rules in force are those of \"00\".\n");
+    it_is_kept(false);
+    assert_string_equal(self.reason,
+                        "Not so before the update: The radio rules in force are those of \"00\".");
+}
+
+static void one_whose_radio_lacked_it_before_is_kept(void **state)
+{
+    (void)state;
+    put(FAULTS "/country", "The radio rules in force are those of \"00\".\n");
+    slot_b_is_on_trial();
+    it_is_kept(true);
+}
+
 static void what_is_not_the_version_that_was_offered_is_rolled_back(void **state)
 {
     char back[32];
@@ -1031,6 +1050,18 @@ static void a_record_that_stayed_takes_no_other_slot_away(void **state)
     assert_false(board.spoilt);
 }
 
+static void the_disk_is_late(void)
+{
+    assert_int_equal(rename("data", "disk"), 0);
+    assert_int_equal(system("mkdir -p data/odid"), 0);
+    put(IN_MEMORY, "");
+}
+
+static void the_disk_comes(void)
+{
+    assert_int_equal(system("rm -r data " IN_MEMORY " && mv disk data"), 0);
+}
+
 /* A worn disk answered late: nobody knew what was kept had taken the place of, and its server
  * wasn't told. What was set there may not be in force yet: it isn't missed. */
 static void a_trial_takes_the_record_that_comes_late(void **state)
@@ -1038,14 +1069,12 @@ static void a_trial_takes_the_record_that_comes_late(void **state)
     (void)state;
     board.wifi = "on air";
     slot_b_is_on_trial_from(UPDATE_SOURCE_SERVER);
-    assert_int_equal(rename("data", "disk"), 0);
-    assert_int_equal(system("mkdir -p data/odid"), 0);
-    put(IN_MEMORY, "");
+    the_disk_is_late();
     board.wifi = NULL;
     begin(true);
     pass(10);
     assert_int_equal(self.update.state, UPDATE_TRIAL);
-    assert_int_equal(system("rm -r data " IN_MEMORY " && mv disk data"), 0);
+    the_disk_comes();
     it_is_kept(true);
     assert_string_equal(self.record.from, "1.0.0");
     assert_int_equal(board.report, UPDATE_REPORT_GOOD);
@@ -1056,12 +1085,10 @@ static void nor_is_one_that_was_kept_tried_again(void **state)
 {
     (void)state;
     slot_b_is_on_trial();
-    assert_int_equal(rename("data", "disk"), 0);
-    assert_int_equal(system("mkdir -p data/odid"), 0);
-    put(IN_MEMORY, "");
+    the_disk_is_late();
     begin(true);
     it_is_kept(true);
-    assert_int_equal(system("rm -r data " IN_MEMORY " && mv disk data"), 0);
+    the_disk_comes();
     pass(10);
     assert_int_equal(self.update.state, UPDATE_IDLE);
     assert_int_equal(board.variables.slot, 'b');
@@ -1121,6 +1148,8 @@ int main(void)
         cmocka_unit_test_setup(a_channel_that_is_switched_off_is_not_asked_for, setup),
         cmocka_unit_test_setup(wifi_is_switched_off_and_its_services_are_not_asked_for, setup),
         cmocka_unit_test_setup(the_keys_are_taken_away_and_ssh_is_not_asked_for, setup),
+        cmocka_unit_test_setup(one_whose_radio_lacks_something_is_rolled_back, setup),
+        cmocka_unit_test_setup(one_whose_radio_lacked_it_before_is_kept, setup),
         cmocka_unit_test_setup(what_is_not_the_version_that_was_offered_is_rolled_back, setup),
         cmocka_unit_test_setup(a_rolled_back_one_is_remembered_where_data_is_full, setup),
         cmocka_unit_test_setup(a_server_is_told_of_its_own_updates_only, setup),

@@ -111,6 +111,25 @@ static void channels_on_the_air_by_the_radios_own_word(void **state)
     assert_int_equal(update_channels_required(NULL), 0);
 }
 
+static struct json_object *faults; /* the appliance's */
+
+static int no_faults(void **state)
+{
+    (void)state;
+    json_object_put(faults);
+    faults = json_object_new_array();
+    return 0;
+}
+
+static void add_fault(const char *name, const char *sentence)
+{
+    struct json_object *fault = json_object_new_object();
+
+    json_object_object_add(fault, "name", json_object_new_string(name));
+    json_object_object_add(fault, "sentence", json_object_new_string(sentence));
+    json_object_array_add(faults, fault);
+}
+
 /* Judges, and puts the status back; the complaint, "" when all is well. */
 static const char *judged(struct update_expectation *expectation, struct json_object *object)
 {
@@ -118,7 +137,7 @@ static const char *judged(struct update_expectation *expectation, struct json_ob
     static const struct update_services none;
 
     memset(&board, 0, sizeof(board));
-    update_judge(expectation, object, &none, &board);
+    update_judge(expectation, object, faults, &none, &board);
     json_object_put(object);
     assert_int_equal(board.well, board.complaint[0] == '\0');
     return board.complaint;
@@ -134,6 +153,27 @@ static void a_channel_that_worked_before_has_to_work(void **state)
                         "Bluetooth 4 isn't on the air, as it was before the update: absent.");
     expectation.channels = WIFI; /* it never worked */
     assert_string_equal(judged(&expectation, status(32, "absent", 30)), "");
+}
+
+static void what_a_radio_lacks_it_has_to_have_lacked_before(void **state)
+{
+    struct update_expectation expectation = {.channels = BT4};
+
+    (void)state;
+    add_fault("watchdog", "There is none.");
+    assert_int_equal(update_radio_faults(faults), 0);
+    assert_string_equal(judged(&expectation, status(30, "on air", 0.1)), "");
+    add_fault("country", "Not those of SE.");
+    expectation.radio_faults = update_radio_faults(faults);
+    assert_string_equal(judged(&expectation, status(31, "on air", 0.1)), "");
+    add_fault("patch-hci0", "No file.");
+    assert_string_equal(judged(&expectation, status(32, "on air", 0.1)),
+                        "Not so before the update: No file.");
+    expectation.radio_faults = 0;
+    assert_string_equal(judged(&expectation, status(33, "on air", 0.1)),
+                        "Not so before the update: Not those of SE.");
+    expectation.radio_faults = update_radio_faults(faults);
+    assert_string_equal(judged(&expectation, status(34, "on air", 0.1)), "");
 }
 
 static void the_daemon_has_to_stay(void **state)
@@ -179,23 +219,23 @@ static void services_that_ran_have_to_run(void **state)
         assert_int_equal(expectation.wanted.service[1].pid, 120);
     }
     now = expectation.wanted;
-    update_judge(&expectation, object, &now, &board);
+    update_judge(&expectation, object, faults, &now, &board);
     assert_true(board.well);
     now.service[1].pid = 0;
-    update_judge(&expectation, object, &now, &board);
+    update_judge(&expectation, object, faults, &now, &board);
     assert_string_equal(board.complaint,
                         "The service hostapd doesn't run, as it did before the update.");
     now.service[1].pid = 200;
-    update_judge(&expectation, object, &now, &board);
+    update_judge(&expectation, object, faults, &now, &board);
     assert_true(board.well);
     now.service[1].pid = 201;
-    update_judge(&expectation, object, &now, &board);
+    update_judge(&expectation, object, faults, &now, &board);
     assert_string_equal(board.complaint, "The service hostapd keeps ending.");
     now.service[0].pid = 300; /* one that didn't run before may */
-    update_judge(&expectation, object, &now, &board);
+    update_judge(&expectation, object, faults, &now, &board);
     assert_true(board.well);
     now.count = 1; /* this version has no hostapd */
-    update_judge(&expectation, object, &now, &board);
+    update_judge(&expectation, object, faults, &now, &board);
     assert_true(board.well);
     json_object_put(object);
 }
@@ -277,7 +317,8 @@ static void a_record_over_the_restart(void **state)
                                .from_server = true,
                                .unattended = true,
                                .channels_known = true,
-                               .channels = BT4 | WIFI},
+                               .channels = BT4 | WIFI,
+                               .radio_faults = 2},
                          out;
 
     (void)state;
@@ -295,6 +336,7 @@ static void a_record_over_the_restart(void **state)
     assert_true(out.unattended);
     assert_true(out.channels_known);
     assert_int_equal(out.channels, BT4 | WIFI);
+    assert_int_equal(out.radio_faults, 2);
     assert_int_equal(out.services.count, 1);
     assert_string_equal(out.services.service[0].name, "hostapd");
     assert_int_not_equal(out.services.service[0].pid, 0);
@@ -315,7 +357,7 @@ static void a_record_over_the_restart(void **state)
     assert_int_equal(update_read_record(folder, &out), -EBADMSG);
 }
 
-/* Whose a stick's was it didn't say. */
+/* Whose a stick's was it didn't say, nor what a radio lacked. */
 static void a_record_of_an_older_version(void **state)
 {
     struct update_record out;
@@ -329,6 +371,7 @@ static void a_record_of_an_older_version(void **state)
     assert_int_equal(update_read_record(folder, &out), 0);
     assert_true(out.from_server);
     assert_false(out.unattended);
+    assert_int_equal(out.radio_faults, ~0U);
 }
 
 /* ---- complaints ---- */
@@ -363,9 +406,10 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(channels_on_the_air_by_the_radios_own_word),
-        cmocka_unit_test(a_channel_that_worked_before_has_to_work),
-        cmocka_unit_test(the_daemon_has_to_stay),
-        cmocka_unit_test(services_that_ran_have_to_run),
+        cmocka_unit_test_setup(a_channel_that_worked_before_has_to_work, no_faults),
+        cmocka_unit_test_setup(what_a_radio_lacks_it_has_to_have_lacked_before, no_faults),
+        cmocka_unit_test_setup(the_daemon_has_to_stay, no_faults),
+        cmocka_unit_test_setup(services_that_ran_have_to_run, no_faults),
         cmocka_unit_test(the_state_as_the_page_reads_it),
         cmocka_unit_test(a_result),
         cmocka_unit_test(what_was_rolled_back_is_remembered_until_one_is_installed),
