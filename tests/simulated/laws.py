@@ -247,13 +247,20 @@ def what_was_told(flight):
         yield seconds(answer["at_s"]), answer["reason"] is None, answer["reason"] or "nothing is wrong"
 
 
+def began_anew(flight, until_s):
+    """(from, to) of the times without a daemon. The one that comes then has to find out by itself what is wrong, as any
+    that begins: a chip that says OK and sends nothing is on the air to it, at first."""
+    return {(one.begin_s, one.back_s) for one in flight.windows if one.fault.kept and one.begin_s < until_s}
+
+
 def not_heard_since(flight, times, channel, at_s):
     """The last newer position before that instant, where it is too long ago and none comes right after it; else None. On a
-    channel that is taken away it could only be missed from when there was one to be said."""
+    channel that is taken away it could only be missed from when there was one to be said, and from when the daemon ran."""
     place = bisect_right(times, at_s)
     there = [one for one in flight.windows if one.channel == channel and one.begin_s < at_s]
     away = any(one.fault.channels != ALL and one.back_s + one.fault.limit_s > at_s for one in there)
-    last_s = max([*times[:place][-1:], 0.0, *(one.back_s for one in there if away and one.fault.no_position and one.back_s < at_s)])
+    last_s = max([*times[:place][-1:], 0.0, *(one.back_s for one in there if away and one.fault.no_position and one.back_s < at_s),
+                  *(back_s for _, back_s in began_anew(flight, at_s))])
     soon = times[place:place + 1] and times[place] - at_s < normally_s(flight, "newer position")
     return last_s if at_s - last_s > GOOD_S + lateness_s(flight) and not soon else None
 
@@ -295,9 +302,10 @@ def status_is_true(flight, heard):
         off = [channel for channel, said in answer["channels"].items() if said["required"] and said["state"] != "on air"]
         if answer["on_air"] and off:
             yield f"\"on air\" at {at_s:.3f} s, and {', '.join(off)} isn't"
+        anew_s = max((back_s for _, back_s in began_anew(flight, at_s)), default=0.0)
         lasting = {one.fault.part for one in flight.windows if one.begin_s < at_s < one.back_s and
                    one.fault.meanwhile_s == math.inf and
-                   one.begin_s + GOOD_S + doubt_s(flight, one) + lateness_s(flight) < at_s}
+                   max(one.begin_s + doubt_s(flight, one), anew_s) + GOOD_S + lateness_s(flight) < at_s}
         reasons = [one["reason"] for one in answer["problems"]]
         for part in lasting & NAMED.keys():
             if not any(word in reason for word in NAMED[part] for reason in reasons):
@@ -363,6 +371,17 @@ def recorded_gaps(flight):
             for one in flight.record()["events"] if one["event"] == "gap"]
 
 
+def between_daemons(flight, since_s, until_s):
+    """Of a silence what was known to one daemon, and to the one after it."""
+    for begin_s, back_s in sorted(began_anew(flight, until_s)):
+        known_s = back_s + GOOD_S + lateness_s(flight)
+        if known_s > since_s:
+            yield since_s, max(since_s, begin_s)
+            since_s = known_s
+    if since_s < until_s:
+        yield since_s, until_s
+
+
 def gaps_are_recorded(flight, heard, found, until_s):
     """Where nobody heard anything newer for long, and it was taken away, the record has it: as soon as it has been written."""
     for channel, track in heard.items():
@@ -373,9 +392,10 @@ def gaps_are_recorded(flight, heard, found, until_s):
             taken = any(one.channel == channel and one.fault.channels != ALL and one.begin_s < after and one.back_s > before
                         for one in flight.windows)
             written = after < until_s - WRITTEN_S - RECORD_S
-            if taken and written and after - before > GAP_S + flight.world.late[1] / 1e6 and not any(
-                    where == channel and begin < before + RECORD_S and end > after - RECORD_S for where, begin, end in found):
-                yield f"{channel}: silent from {before:.3f} to {after:.3f} s, and the flight record doesn't say so"
+            for silent, heard_again in between_daemons(flight, before, after) if taken and written else ():
+                if heard_again - silent > GAP_S + flight.world.late[1] / 1e6 and not any(
+                        where == channel and begin < silent + RECORD_S and end > heard_again - RECORD_S for where, begin, end in found):
+                    yield f"{channel}: silent from {silent:.3f} to {heard_again:.3f} s, and the flight record doesn't say so"
 
 
 def recorded_gaps_were(flight, found):

@@ -51,6 +51,15 @@ EVER_FAILED = {
         "full", "serial", (0.1, 40000), True, ("PX4, mended", 8), [("wifi_chip_silent", 174.265254, 5.984141)])),
     "the judge took a counter that had gone half of its circle for one that went backward": (100184, (
         "bcm43455", "udp", (0.0, 0), False, ("PX4, mended", 8), [("wifi_chip_silent", 148.590831, 16.005515)])),
+    "what went out before its answer was here gave its counter to the next": (200357, (
+        "full", "serial", (0.3, 150000), False, ("ArduPilot", 0), [
+            ("another_vehicle", 13.414991, 2.214979), ("wifi_chip_silent", 30.89049, 2.350414)])),
+    "payloads that always waited kept a chip from being asked whether it was reset": (200200, (
+        "bcm43455", "udp", (0.3, 150000), False, ("ArduPilot with Open Drone ID", 1), [
+            ("wifi_switched_off", 10.250567, 21.757642), ("controller_resets_silently", 47.8017, 23.04263)])),
+    "the law gave a daemon that began anew no time to see that the chip was silent": (200361, (
+        "full", "serial", (0.3, 150000), True, ("ArduPilot with Open Drone ID, 10 Hz", 2), [
+            ("wifi_chip_silent", 565.152157, 16.784481), ("daemon_hangs", 575.375291, 22.311768)])),
 }
 
 

@@ -32,6 +32,8 @@
 /* How often a controller is asked whether it was reset; and after it was. */
 #define BLUETOOTH_MARK_EVERY_US 1000000
 #define BLUETOOTH_MARK_AGAIN_US 5000000
+/* For so long payloads that wait go before it. */
+#define BLUETOOTH_MARK_WAITS_US 250000
 /* What was refused, or isn't there, is tried again after this, and after twice as long each time:
  * the legacy set may be off the air for a moment meanwhile. */
 #define BLUETOOTH_AGAIN_US 10000000

@@ -71,7 +71,8 @@ static struct {
     enum request request;
     bool enabled;       /* hostapd's interface transmits, as far as it knows */
     bool pending;       /* to be given to hostapd: it is newer, or may have been forgotten */
-    bool fresh;         /* was in no beacon yet */
+    bool fresh;         /* was given to nobody yet, or was refused: it is in no beacon */
+    bool given_fresh;   /* what was given is in none, unless hostapd takes it */
     int64_t status_us;  /* when to ask for the status next */
     int64_t refresh_us; /* when to give the element again, although it is the same */
     int64_t allowed_us; /* no element before this */
@@ -166,6 +167,8 @@ static void request_set(enum request kind, const struct element *element, int64_
 static void send_element(int64_t now_us)
 {
     self.pending = false;
+    self.given_fresh = self.fresh;
+    self.fresh = false; /* it may be in a beacon before the answer is here */
     self.given = self.newest;
     self.refresh_us = now_us + REFRESH_US;
     request_set(REQUEST_SET, &self.given, now_us);
@@ -419,6 +422,7 @@ static void take_refusal(const char *what, const char *reply, int64_t now_us)
 static void take_refused_update(const char *reply, int64_t now_us)
 {
     self.refused = true;
+    self.fresh = self.fresh || self.given_fresh;
     if (beacon_room_is_trial(
             &self.room,
             messages_in(&self.given))) { /* what was taken before is given again at once */
@@ -432,7 +436,6 @@ static void take_refused_update(const char *reply, int64_t now_us)
 static void take_success(int64_t now_us)
 {
     retry_reset(&self.retry);
-    self.fresh = self.pending; /* by another one, meanwhile */
     self.taken = self.given;
     beacon_room_taken(&self.room, messages_in(&self.given), now_us);
     if (self.remedy != REMEDY_NONE) {
@@ -467,6 +470,7 @@ static void on_reply(void *context, const char *reply, int64_t now_us)
         self.status_us = now_us;
         beacon_room_forget(&self.room); /* its driver has begun anew */
     } else if (!ok && answered == REQUEST_SET) {
+        self.fresh = self.fresh || self.given_fresh;
         take_refusal("SET vendor_elements", reply, now_us);
     } else if (!ok) {
         take_refused_update(reply, now_us);
