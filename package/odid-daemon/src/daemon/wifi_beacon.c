@@ -422,7 +422,6 @@ static void take_refusal(const char *what, const char *reply, int64_t now_us)
 static void take_refused_update(const char *reply, int64_t now_us)
 {
     self.refused = true;
-    self.fresh = self.fresh || self.given_fresh;
     if (beacon_room_is_trial(
             &self.room,
             messages_in(&self.given))) { /* what was taken before is given again at once */
@@ -431,6 +430,16 @@ static void take_refused_update(const char *reply, int64_t now_us)
         return;
     }
     take_refusal("UPDATE_BEACON", reply, now_us);
+}
+
+static void take_refused_element(enum request answered, const char *reply, int64_t now_us)
+{
+    self.fresh = self.fresh || self.given_fresh;
+    if (answered == REQUEST_SET) {
+        take_refusal("SET vendor_elements", reply, now_us);
+    } else {
+        take_refused_update(reply, now_us);
+    }
 }
 
 static void take_success(int64_t now_us)
@@ -469,11 +478,8 @@ static void on_reply(void *context, const char *reply, int64_t now_us)
     } else if (answered == REQUEST_ENABLE) {
         self.status_us = now_us;
         beacon_room_forget(&self.room); /* its driver has begun anew */
-    } else if (!ok && answered == REQUEST_SET) {
-        self.fresh = self.fresh || self.given_fresh;
-        take_refusal("SET vendor_elements", reply, now_us);
     } else if (!ok) {
-        take_refused_update(reply, now_us);
+        take_refused_element(answered, reply, now_us);
     } else if (answered == REQUEST_SET) {
         request(REQUEST_UPDATE, "UPDATE_BEACON", now_us); /* without it nothing changes */
     } else {

@@ -755,7 +755,6 @@ static void the_keys_are_taken_away_and_ssh_is_not_asked_for(void **state)
     it_is_kept(false);
 }
 
-/* Its stick would offer it again at every start, as newer than what runs. */
 /* Which transmits all the same, by other rules than before or without its patch. */
 static void one_whose_radio_lacks_something_is_rolled_back(void **state)
 {
@@ -775,6 +774,7 @@ static void one_whose_radio_lacked_it_before_is_kept(void **state)
     it_is_kept(true);
 }
 
+/* Its stick would offer it again at every start, as newer than what runs. */
 static void what_is_not_the_version_that_was_offered_is_rolled_back(void **state)
 {
     char back[32];
