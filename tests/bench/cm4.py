@@ -78,7 +78,9 @@ class Board(Machine):
             "setpriv", "--pdeathsig", "KILL", QEMU, "-M", "raspi4b", "-smp", "4", "-display", "none",
             *self._started_by(),
             "-qmp", f"unix:{self._sockets}/qmp,server=on,wait=off",
-            "-drive", f"if=sd,format=qcow2,cache=unsafe,file={self.disk.path}",
+            # A card has no cache that anybody could ask it to empty: what it was given is there when QEMU is ended, its
+            # file's table of clusters too.
+            "-drive", f"if=sd,format=qcow2,cache.writeback=off,cache.no-flush=on,file={self.disk.path}",
             "-chardev", f"socket,id=bt,host=127.0.0.1,port={self.front_port},nodelay=on", "-serial", "chardev:bt",
             "-chardev", f"file,id=console,path={self.console},append=on", "-serial", "chardev:console",
             "-chardev", f"socket,id=control,path={self._sockets}/control,server=on,wait=off",

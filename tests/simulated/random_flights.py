@@ -117,6 +117,7 @@ def fly(seed, until_s, what, folder):
     finally:
         flight.end()
         gc.enable()
+        gc.collect()  # PyPy wouldn't come to it between two flights, and to start a program takes as long as there is memory
 
 
 def trace(flight):
