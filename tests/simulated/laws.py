@@ -6,6 +6,7 @@ here, beside what was done; all its other rules hold as they are.
 
 import math
 from bisect import bisect_left, bisect_right
+from dataclasses import replace
 from itertools import chain, pairwise
 
 from judge.findings import ABOUT_TIME
@@ -29,6 +30,7 @@ ROUNDED_S = 0.005  # its instants are
 TOLD_S = 1.3  # it is told each second
 FAILURE, FAILURE_S = 4, 3.9  # Location's status; the autopilot's last word may be a second old
 DOUBT_S = 5.0
+BEGINS_S = 1.5
 REPEATED_S = 0.25  # until the next payload a radio says the last one again
 GAP_S = 3.0  # a silence that long is in the record, ...
 RECORD_S = 2.5  # ... whose looks are a second apart
@@ -45,6 +47,7 @@ def broken_laws(flight, until_s):
 
 def judged_by_law(flight, until_s):
     """{law: sentences}; what each of them sees is tried by tests/mutants/laws.py."""
+    flight.windows = with_their_limits(flight.windows)
     judgement = flight.judged()
     heard = {track.channel: Heard(track) for track in judgement.tracks}
     laws = {
@@ -64,6 +67,14 @@ def judged_by_law(flight, until_s):
                  "recorded gaps": recorded_gaps_were(flight, gaps),
                  "clock": clock_is_right(flight)}
     return {law: list(sentences) for law, sentences in laws.items()}
+
+
+def with_their_limits(windows):
+    """A daemon that begins while the autopilot says that it has no fix takes a place only when nobody has said so for a while."""
+    begun = [one for one in windows if one.fault.restarts]
+    return [one._replace(fault=replace(one.fault, limit_s=BEGINS_S + NEWER_S)) if one.fault.name == "gnss_lost" and any(
+        other.begin_s <= one.back_s and one.begin_s <= other.back_s + other.fault.limit_s for other in begun) else one
+            for one in windows]
 
 
 def seconds(mono):

@@ -60,6 +60,8 @@ EVER_FAILED = {
     "the law gave a daemon that began anew no time to see that the chip was silent": (200361, (
         "full", "serial", (0.3, 150000), True, ("ArduPilot with Open Drone ID, 10 Hz", 2), [
             ("wifi_chip_silent", 565.152157, 16.784481), ("daemon_hangs", 575.375291, 22.311768)])),
+    "a new daemon waits longer than another one for a place, once it has heard that there is no fix": (203235, (
+        "full", "serial", (0.0, 0), True, ("PX4", 7), [("daemon_killed", 522.918119, 0.042846), ("gnss_lost", 522.93874, 0.564028)])),
 }
 
 
