@@ -16,6 +16,7 @@ import os
 import re
 import shlex
 import shutil
+import signal
 import socket
 import subprocess
 import tempfile
@@ -172,6 +173,7 @@ class Machine:
     most_kernel_s = KERNEL_S
     disk_octets = None  # as many as the image has
     of_qemu = ("qmp", "control", "fc")  # sockets that it makes
+    ended_by = signal.SIGKILL
 
     def __init__(self, folder, config=None, image=disks.IMAGE, memory_mib=384, processors=2, own_time=False):
         self.folder = Path(folder)
@@ -319,8 +321,7 @@ class Machine:
             self.player.stop()
             self.player = None
         if self.qemu:
-            self.qemu.process.kill()
-            self.qemu.stop()
+            self.qemu.stop(self.ended_by)
             self.qemu = None
 
     def close(self):
