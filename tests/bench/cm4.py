@@ -11,7 +11,6 @@ way.
 """
 
 import re
-import signal
 
 import parts
 
@@ -21,7 +20,6 @@ from .machine import Machine, missing
 
 HOME = parts.ROOT / "build/qemu-raspi/usr"
 QEMU = HOME / "bin/qemu-system-aarch64"
-CARD_OCTETS = 512 << 20  # the emulated controller wants a power of two
 FLASHED = disks.IMAGE.resolve().parent != disks.APPLIANCE
 SCREENS = ("hdmi", "hvs", "pixelvalve", "vec", "txp", "dsi", "v3d", "dvp", "interrupt-controller@7ef", "clock@7ef", "i2c@7ef")
 # Of the firmware's pins, by which the board switches its radios, the machine has none.
@@ -42,12 +40,9 @@ class Board(Machine):
     """The same as Machine; `front` is the Bluetooth chip, `wifi` the other one, `port` the autopilot's. How it is started: below."""
 
     channels = ("bt4", "wifi")
-    disk_octets = CARD_OCTETS
+    kind_of_disk = disks.Card
     most_kernel_s = float("inf")  # nobody has measured it on a quiet machine
     of_qemu = ("qmp", "control")
-    # What a card was given is on it: nobody asks it to empty a cache. But which cluster of the file it is in QEMU writes down
-    # at its own end.
-    ended_by = signal.SIGTERM
 
     def __init__(self, folder, config=None, mode="bcm43455"):
         self._mode = mode
@@ -82,7 +77,7 @@ class Board(Machine):
             "setpriv", "--pdeathsig", "KILL", QEMU, "-M", "raspi4b", "-smp", "4", "-display", "none",
             *self._started_by(),
             "-qmp", f"unix:{self._sockets}/qmp,server=on,wait=off",
-            "-drive", f"if=sd,format=qcow2,cache=unsafe,file={self.disk.path}",
+            "-drive", f"if=sd,format={self.disk.form},cache=unsafe,file={self.disk.path}",
             "-chardev", f"socket,id=bt,host=127.0.0.1,port={self.front_port},nodelay=on", "-serial", "chardev:bt",
             "-chardev", f"file,id=console,path={self.console},append=on", "-serial", "chardev:console",
             "-chardev", f"socket,id=control,path={self._sockets}/control,server=on,wait=off",

@@ -51,13 +51,17 @@ def board(image=IMAGE):
 class Disk:
     """Changed only while no machine has it."""
 
-    def __init__(self, path, image=IMAGE, octets=None):
-        """octets: how large it is, where the image isn't as large as a machine wants it."""
+    form = "qcow2"
+
+    def __init__(self, path, image=IMAGE):
         self.path, self.image = Path(path), Path(image).resolve()
         if not self.image.exists():
             raise FileNotFoundError(f"{self.image} isn't built: make appliance")
         self.path.unlink(missing_ok=True)
-        call("qemu-img", "create", "-q", "-f", "qcow2", "-F", "raw", "-b", self.image, self.path, *([octets] if octets else []))
+        self._make()
+
+    def _make(self):
+        call("qemu-img", "create", "-q", "-f", self.form, "-F", "raw", "-b", self.image, self.path)
 
     def place(self, number):
         """Offset and size of a partition, in octets."""
@@ -65,7 +69,7 @@ class Disk:
 
     def _options(self, number):
         offset, size = self.place(number)
-        return (f"driver=raw,offset={offset},size={size},file.driver=qcow2,"
+        return (f"driver=raw,offset={offset},size={size},file.driver={self.form},"
                 f"file.file.driver=file,file.file.filename={self.path}")
 
     def read(self, number, out):
@@ -79,7 +83,7 @@ class Disk:
     def fill(self, number, octet, at=0, size=None):
         """Overwrites a partition, or size octets of it."""
         offset, whole = self.place(number)
-        call("qemu-io", "-f", "qcow2", "-c", f"write -P {octet:#x} {offset + at} {size or whole}", self.path)
+        call("qemu-io", "-f", self.form, "-c", f"write -P {octet:#x} {offset + at} {size or whole}", self.path)
 
     def forget_partition(self, number):
         """Takes a partition out of the table: the disk has none of that number any more."""
@@ -89,9 +93,9 @@ class Disk:
     @contextmanager
     def _whole(self):
         with tempfile.NamedTemporaryFile(dir=self.path.parent) as raw:
-            call("qemu-img", "convert", "-f", "qcow2", "-O", "raw", self.path, raw.name)
+            call("qemu-img", "convert", "-f", self.form, "-O", "raw", self.path, raw.name)
             yield raw.name
-            call("qemu-img", "convert", "-n", "-f", "raw", "-O", "qcow2", raw.name, self.path)
+            call("qemu-img", "convert", "-n", "-f", "raw", "-O", self.form, raw.name, self.path)
 
     def put_config(self, files):
         """Puts files on the CONFIG volume, as a technician does with a card reader."""
@@ -116,3 +120,15 @@ class Disk:
                 return None
             call("mcopy", "-n", "-i", volume, f"::{name}", target)
             return target.read_bytes()
+
+
+class Card(Disk):
+    """Of a size that the emulated controller takes, and a copy: a card's writes are asked to be flushed by nobody, so the table
+    of clusters that QEMU keeps of a layer would be lost with it."""
+
+    form = "raw"
+    octets = 512 << 20  # a power of two
+
+    def _make(self):
+        call("qemu-img", "convert", "-O", self.form, self.image, self.path)
+        call("qemu-img", "resize", "-q", "-f", self.form, self.path, self.octets)

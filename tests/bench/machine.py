@@ -16,7 +16,6 @@ import os
 import re
 import shlex
 import shutil
-import signal
 import socket
 import subprocess
 import tempfile
@@ -171,9 +170,8 @@ class Machine:
 
     channels = CHANNELS
     most_kernel_s = KERNEL_S
-    disk_octets = None  # as many as the image has
+    kind_of_disk = disks.Disk
     of_qemu = ("qmp", "control", "fc")  # sockets that it makes
-    ended_by = signal.SIGKILL
 
     def __init__(self, folder, config=None, image=disks.IMAGE, memory_mib=384, processors=2, own_time=False):
         self.folder = Path(folder)
@@ -187,7 +185,7 @@ class Machine:
         self.set_log = self.folder / "set.jsonl"
         for old in (*self.folder.glob("*.log"), *self.folder.glob("*.jsonl"), self.pcap):
             old.unlink(missing_ok=True)
-        self.disk = disks.Disk(self.folder / "disk.qcow2", image, self.disk_octets)
+        self.disk = self.kind_of_disk(self.folder / "disk", image)
         if config is None:
             config = {"odid.conf": configuration()}
         if config:
@@ -321,7 +319,8 @@ class Machine:
             self.player.stop()
             self.player = None
         if self.qemu:
-            self.qemu.stop(self.ended_by)
+            self.qemu.process.kill()
+            self.qemu.stop()
             self.qemu = None
 
     def close(self):

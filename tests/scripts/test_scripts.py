@@ -950,6 +950,23 @@ def test_a_country_that_is_not_in_force_is_a_fault(appliance, in_force, fault):
     assert appliance.fault("country") is None
 
 
+def test_the_country_is_asked_of_a_hostapd_that_waited_for_it(appliance):
+    """Its rules not in force weren't told by anybody, and an update without them was kept."""
+    appliance.write("usr/bin/hostapd_cli", "#!/bin/sh\necho looks >>/calls; [ -s /looked ] && echo state=ENABLED || echo state=COUNTRY_UPDATE\n"
+                                           "echo once >/looked\n")
+    appliance.write("lib/odid/country", "#!/bin/sh\necho country >>/calls\n")
+    for name in ("usr/bin/hostapd_cli", "lib/odid/country"):
+        (appliance.root / name).chmod(0o755)
+    appliance.change("etc/sv/hostapd-watch/run", ("pause 1", "usleep 20000"))
+    one = running(appliance, "hostapd", True)
+    watch = appliance.start("exec /etc/sv/hostapd-watch/run")
+    try:
+        wait_for("several looks", lambda: appliance.calls().count("looks") > 5)
+        assert appliance.calls().count("country") == 1
+    finally:
+        ended_all(one, watch)
+
+
 # --- networks ---------------------------------------------------------------------------
 
 

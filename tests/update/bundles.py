@@ -38,7 +38,7 @@ def root():
         for old in BUILD.glob("root-*"):
             shutil.rmtree(old)
         BUILD.mkdir(parents=True, exist_ok=True)
-        image = disks.Disk(BUILD / "slot.qcow2")
+        image = disks.Disk(BUILD / "disk")
         image.read(disks.SLOT_A, BUILD / "slot")
         call("unsquashfs", "-no-progress", "-quiet", "-d", f"{folder}.part", BUILD / "slot")
         Path(f"{folder}.part").rename(folder)

@@ -273,7 +273,7 @@ class Judge:
 
     def _boot(self):
         machine = self.machine
-        machine.disk = disks.Disk(machine.folder / "disk.qcow2", self.image)
+        machine.disk = disks.Disk(machine.folder / "disk", self.image)
         machine.power_on()
         self._wait_on_air()
         for channel in CHANNELS:
