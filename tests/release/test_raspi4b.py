@@ -18,14 +18,12 @@ import zlib
 from pathlib import Path
 
 import pytest
-from bench import raspi4b
+from bench import disk, raspi4b
 
 from .conftest import TOP, call, out_of
 from .figures import figures
 
 QEMU = TOP / "build/qemu-raspi/usr/bin/qemu-system-aarch64"
-ENV, SLOT_A, SLOT_B, DATA = 5, 6, 7, 8
-CARD_OCTETS = 512 << 20         # the emulated controller wants a power of two
 TIMEOUT_S = 200                 # its card reads 1.7 MB/s
 RECORDED_S = 50                 # from the services' start: 30 s may pass before a channel counts as missing, 10 s
                                 # between two writes of the flight record
@@ -34,26 +32,22 @@ TRIAL_S = 120                   # 60 s are its time
 
 class Raspi:
     def __init__(self, out, folder):
-        self.out, self.folder, self.card = out, folder, folder / "card.img"
-        call("cp", "--sparse=always", out / "images/disk.img", self.card)
-        with open(self.card, "r+b") as card:
-            card.truncate(CARD_OCTETS)
-        table = call("sfdisk", "--dump", self.card)
-        self.starts = {int(number): int(start) * 512 for number, start in
-                       re.findall(r"card\.img(\d+) : start= *(\d+)", table)}
+        self.out, self.folder = out, folder
+        self.card = disk.Card(folder / "card.img", out / "images/disk.img").path
+        self.starts = {number: offset for number, (offset, _) in disk.places(self.card).items()}
         self.tree = raspi4b.firmware_tree(out / "images/odid-cm4.dtb", folder / "firmware.dtb")
 
     def set_variables(self, **variables):
         """In the board's environment, beside what this machine needs."""
         file = raspi4b.environment(self.folder / "env", **variables)
         for name in raspi4b.ENV_FILES:
-            call("mcopy", "-o", "-i", f"{self.card}@@{self.starts[ENV]}", file, f"::{name}")
+            call("mcopy", "-o", "-i", f"{self.card}@@{self.starts[disk.ENV]}", file, f"::{name}")
 
     def variables(self):
         """What U-Boot would start with now: the newer one of its two files."""
         found = []
         for name in raspi4b.ENV_FILES:
-            call("mcopy", "-o", "-i", f"{self.card}@@{self.starts[ENV]}", f"::{name}", self.folder / name)
+            call("mcopy", "-o", "-i", f"{self.card}@@{self.starts[disk.ENV]}", f"::{name}", self.folder / name)
             data = (self.folder / name).read_bytes()
             crc, serial = struct.unpack("<IB", data[:5])
             assert crc == zlib.crc32(data[5:]), f"{name} is torn"
@@ -76,14 +70,14 @@ class Raspi:
         call("mksquashfs", root, slot, "-comp", "zstd", "-b", "64K", "-no-xattrs", "-noappend", "-no-progress", "-quiet")
         shutil.rmtree(root)
         call(TOP / "board/common/seal-slot.sh", slot)
-        self.write(SLOT_A, slot.read_bytes())
+        self.write(disk.SLOT_A, slot.read_bytes())
 
     def put(self, name, file):
         """A file on /data, before it was ever mounted."""
         data = self.folder / "data"
-        data.write_bytes(self.read(DATA))
+        data.write_bytes(self.read(disk.DATA))
         call("debugfs", "-w", "-R", f"write {file} {name}", data)
-        self.write(DATA, data.read_bytes())
+        self.write(disk.DATA, data.read_bytes())
 
     def boot(self, until, stay_s=0):
         """The console's text up to a pattern, and how long it took; then it runs for stay_s, and its power is cut."""
@@ -125,7 +119,7 @@ class Raspi:
     def flight_record(self):
         """The lines that the board wrote to /data, after what a power-on does there: its journal is played."""
         data = self.folder / "data"
-        data.write_bytes(self.read(DATA))
+        data.write_bytes(self.read(disk.DATA))
         subprocess.run(["e2fsck", "-fy", "-E", "journal_only", data], capture_output=True, check=False)  # 1: it was
         names = re.findall(r"[\w-]+\.jsonl", call("debugfs", "-R", "ls -p /odid/flights", data))
         assert len(names) == 1, names
@@ -169,7 +163,7 @@ def test_the_image_boots(raspi):
 
 def test_a_damaged_slot_gives_way_to_the_other_one(raspi):
     raspi.set_variables()
-    raspi.damage(SLOT_A, 9_000_000)
+    raspi.damage(disk.SLOT_A, 9_000_000)
     text, _ = raspi.boot(SERVICES)
     line = command_line(text)
     assert "odid.slot=b" in line and "root=PARTUUID=0d1d2024-07" in line
@@ -197,12 +191,12 @@ def test_an_update_is_installed(raspi):
     raspi.set_variables()
     raspi.add("etc/init.d/S99install", INSTALLS)
     raspi.put("test.swu", bundle)
-    raspi.write(SLOT_B, bytes(slot.stat().st_size))
+    raspi.write(disk.SLOT_B, bytes(slot.stat().st_size))
     text, _ = raspi.boot(["test: odidctl update ended with"])
     assert "test: odidctl update ended with 0" in text, text[-6000:]
     variables = raspi.variables()
     assert (variables["slot"], variables["trial"], variables["upgrade_available"]) == ("a", "b", "1")
-    assert raspi.read(SLOT_B, slot.stat().st_size) == slot.read_bytes()
+    assert raspi.read(disk.SLOT_B, slot.stat().st_size) == slot.read_bytes()
     # The machine lacks the means to restart itself.
     text, _ = raspi.boot(SERVICES)
     line = command_line(text)

@@ -2,6 +2,7 @@
 with programs that only note how they were called. What needs a whole machine is in tests/bench.
 """
 
+import contextlib
 import os
 import re
 import signal
@@ -896,12 +897,8 @@ def test_hostapd_can_answer_root_and_nobody_else_is_among_the_answers(appliance)
     appliance.write("data/secrets/maintenance.psk", KEY + "\n")
     appliance.must("mkdir -p /sys/class/net/wlan0; /lib/odid/maintenance on")
     appliance.change("etc/sv/hostapd-watch/run", ("pause 1", "usleep 20000"))
-    one = running(appliance, "hostapd", True)
-    watch = appliance.start("exec /etc/sv/hostapd-watch/run")
-    try:
+    with watched_by(appliance, "hostapd-watch", "hostapd"):
         wait_for("several looks", lambda: appliance.read("umasks").count("\n") > 6)
-    finally:
-        ended_all(one, watch)
     assert set(appliance.read("umasks").split()) == {"0000"}
 
 
@@ -958,13 +955,9 @@ def test_the_country_is_asked_of_a_hostapd_that_waited_for_it(appliance):
     for name in ("usr/bin/hostapd_cli", "lib/odid/country"):
         (appliance.root / name).chmod(0o755)
     appliance.change("etc/sv/hostapd-watch/run", ("pause 1", "usleep 20000"))
-    one = running(appliance, "hostapd", True)
-    watch = appliance.start("exec /etc/sv/hostapd-watch/run")
-    try:
+    with watched_by(appliance, "hostapd-watch", "hostapd"):
         wait_for("several looks", lambda: appliance.calls().count("looks") > 5)
         assert appliance.calls().count("country") == 1
-    finally:
-        ended_all(one, watch)
 
 
 # --- networks ---------------------------------------------------------------------------
@@ -2588,33 +2581,36 @@ def ended_all(*processes):
         one.wait()
 
 
+@contextlib.contextmanager
+def watched_by(appliance, watch, service, same=True):
+    """The process of a service, or another one with its number, and the service that looks after it."""
+    one = running(appliance, service, same)
+    watch = appliance.start(f"exec /etc/sv/{watch}/run")
+    try:
+        yield one
+    finally:
+        ended_all(one, watch)
+
+
 @pytest.mark.parametrize("same", [True, False])
 def test_a_stranger_with_hostapd_s_number_is_left_alone(appliance, same):
     appliance.change("etc/sv/hostapd-watch/run", ("limit=15", "limit=1"), ("pause 1", "echo looks >>/calls; usleep 20000"))
-    one = running(appliance, "hostapd", same)
-    watch = appliance.start("exec /etc/sv/hostapd-watch/run")
-    try:
+    with watched_by(appliance, "hostapd-watch", "hostapd", same) as one:
         if same:
             assert one.wait(LIMIT_S) == -9
         else:
             wait_for("several looks", lambda: appliance.calls().count("looks") > 5)
             assert one.poll() is None
-    finally:
-        ended_all(one, watch)
 
 
 def test_what_strangers_send_is_no_line_in_the_log_each_time(appliance):
     appliance.write("usr/bin/hostapd_cli", NOTES.replace("echo OK", "echo state=ENABLED"))
     appliance.change("etc/sv/hostapd-watch/run", ("pause 1", "usleep 20000"))
-    one = running(appliance, "hostapd", True)
-    watch = appliance.start("exec /etc/sv/hostapd-watch/run")
     cli = "hostapd_cli -s /run/hostapd-cli -p /run/hostapd "
-    try:
+    with watched_by(appliance, "hostapd-watch", "hostapd"):
         wait_for("several looks", lambda: appliance.calls().count(cli + "status") > 5)
         assert appliance.calls()[:3] == [cli + "status", cli + "raw LOG_LEVEL WARNING", cli + "status"]
         assert appliance.calls().count(cli + "raw LOG_LEVEL WARNING") == 1
-    finally:
-        ended_all(one, watch)
 
 
 LOGGED_IN = ("Pubkey auth succeeded for 'root' with ssh-ed25519 key SHA256:x from 10.0.0.2:2000",
@@ -2648,17 +2644,13 @@ def test_a_stranger_with_the_keeper_s_number_feeds_no_watchdog(appliance, same):
     appliance.write("usr/bin/svok", NOTES)
     (appliance.root / "usr/bin/svok").chmod(0o755)
     appliance.change("etc/sv/watchdog/run", ("while pause 2", "while usleep 20000"), ("svok", "/usr/bin/svok"))
-    one = running(appliance, "odid-daemon", same)
-    watchdog = appliance.start("exec /etc/sv/watchdog/run")
     missed = "its supervisor is not running (5)"
-    try:
+    with watched_by(appliance, "watchdog", "odid-daemon", same):
         if same:
             wait_for("several looks", lambda: appliance.calls().count("svok /run/service/odid-daemon") > 10)
             assert missed not in appliance.read("dev/kmsg")
         else:
             wait_for("that it is missed", lambda: appliance.exists("dev/kmsg") and missed in appliance.read("dev/kmsg"))
-    finally:
-        ended_all(one, watchdog)
 
 
 @pytest.mark.parametrize("armed, state, left", [

@@ -15,10 +15,6 @@ from .controller import DISALLOWED, SET_DATA, SET_EXTENDED_DATA
 BLUETOOTH, WIFI, ALL = ("bt4", "bt5"), ("wifi",), ("bt4", "bt5", "wifi")
 FOREIGN_DISABLE, FOREIGN_RESET = (0x2039, bytes(2)), (0x0C03, b"")
 
-# Of a channel, in seconds of the flight: from when to when that fault took it away. None: of no channel, but it was told.
-Window = namedtuple("Window", "channel begin_s back_s fault")
-
-
 @dataclass(frozen=True)
 class Fault:
     """limit_s: without a newer position after it is over, on a machine that isn't late."""
@@ -31,6 +27,7 @@ class Fault:
     kept: bool = False  # needs odid-keeper and the others
     no_position: bool = False  # the daemon is there, and has none
     meanwhile_s: float = math.inf  # while it lasts: without a newer position
+    begun_s: float = 0.0  # after its end, where a daemon begins meanwhile
     known_s: float = 0.0  # after its end: only then is it known
     told: bool = False  # takes nothing away, but is told to the pilot; limit_s: and no longer than that after its end
 
@@ -43,6 +40,15 @@ class Fault:
     def restarts(self):
         """The daemon may be another one afterwards."""
         return self.kept and bool(self.channels)
+
+
+class Window(namedtuple("Window", "channel begin_s back_s fault")):
+    """Of a channel, in seconds of the flight: from when to when that fault took it away. None: of no channel, but it was told."""
+    __slots__ = ()
+
+    def lasts(self, since_s, until_s=None, longer_s=0.0):
+        """At that instant, or in a part of that time: until everything must be there again."""
+        return self.begin_s <= (since_s if until_s is None else until_s) and since_s <= self.back_s + self.fault.limit_s + longer_s
 
 
 def legacy_or_not(flight):
@@ -147,8 +153,9 @@ FAULTS = (
           lambda flight: setattr(flight.autopilot, "silent", False), no_position=True),
     Fault("autopilot_restarts", ALL, 2.1, lambda flight: setattr(flight.autopilot, "silent", True),
           lambda flight: flight.autopilot.start_again(), no_position=True),
+    # A daemon takes no place before 1.5 s have passed since it was told that there is no fix.
     Fault("gnss_lost", ALL, 1.2, lambda flight: setattr(flight.autopilot, "rewrite", lose_gnss),
-          lambda flight: setattr(flight.autopilot, "rewrite", None), no_position=True),
+          lambda flight: setattr(flight.autopilot, "rewrite", None), no_position=True, begun_s=1.95),
     Fault("another_vehicle", (), 0.0, for_5_s(100_000, as_autopilot(7))),
     Fault("forged_autopilot", (), 67.0, for_5_s(100_000, as_autopilot(1)), told=True),
     Fault("crafted_frames", (), 0.0, for_5_s(20_000, say_crafted)),

@@ -30,7 +30,6 @@ ROUNDED_S = 0.005  # its instants are
 TOLD_S = 1.3  # it is told each second
 FAILURE, FAILURE_S = 4, 3.9  # Location's status; the autopilot's last word may be a second old
 DOUBT_S = 5.0
-BEGINS_S = 1.5
 REPEATED_S = 0.25  # until the next payload a radio says the last one again
 GAP_S = 3.0  # a silence that long is in the record, ...
 RECORD_S = 2.5  # ... whose looks are a second apart
@@ -70,11 +69,10 @@ def judged_by_law(flight, until_s):
 
 
 def with_their_limits(windows):
-    """A daemon that begins while the autopilot says that it has no fix takes a place only when nobody has said so for a while."""
+    """Where a daemon began meanwhile it may be another one."""
     begun = [one for one in windows if one.fault.restarts]
-    return [one._replace(fault=replace(one.fault, limit_s=BEGINS_S + NEWER_S)) if one.fault.name == "gnss_lost" and any(
-        other.begin_s <= one.back_s and one.begin_s <= other.back_s + other.fault.limit_s for other in begun) else one
-            for one in windows]
+    return [one._replace(fault=replace(one.fault, limit_s=one.fault.begun_s)) if one.fault.begun_s and any(
+        other.lasts(one.begin_s, one.back_s) for other in begun) else one for one in windows]
 
 
 def seconds(mono):
@@ -152,8 +150,8 @@ def failure_is_said(flight, judgement):
 def failure_due_s(flight, lost, there):
     """A daemon that is killed before it has said so leaves none that knows: the next one waits for a position as long."""
     due_s = lost.begin_s + FAILURE_S + doubt_s(flight, lost)
-    return max([due_s, *(one.back_s + one.fault.limit_s + FAILURE_S for one in there if one.fault.restarts and
-                         one.begin_s < due_s and one.back_s + one.fault.limit_s > lost.begin_s)])
+    return max([due_s, *(one.back_s + one.fault.limit_s + FAILURE_S for one in there if
+                         one.fault.restarts and one.lasts(lost.begin_s, due_s))])
 
 
 def heard_until_s(one, there, late_s):
@@ -181,14 +179,12 @@ def just_restarted(flight, channel, at_s):
 
 def doubt_s(flight, lost):
     """While two sources contradict each other the word for no fix counts when no other one comes for so long."""
-    return DOUBT_S if any(forged.fault.told and forged.begin_s <= lost.begin_s <= forged.back_s + forged.fault.limit_s
-                          for forged in flight.windows) else 0.0
+    return DOUBT_S if any(forged.fault.told and forged.lasts(lost.begin_s) for forged in flight.windows) else 0.0
 
 
 def fix_was_doubted(flight, at_s):
     """Then, to the judge, what is said is no position that there was."""
-    return any(lost.fault.no_position and lost.begin_s <= at_s <= lost.back_s + lost.fault.limit_s and doubt_s(flight, lost)
-               for lost in flight.windows)
+    return any(lost.fault.no_position and lost.lasts(at_s) and doubt_s(flight, lost) for lost in flight.windows)
 
 
 # Which way is up is decided by three seconds of the first climb, which begins with the flight's 8th second. A daemon that is
@@ -197,25 +193,23 @@ DECIDED_S, DECIDING_S = 14.0, 6.0
 
 
 def began_undecided(flight, at_s):
-    return any(one.fault.restarts and one.begin_s < DECIDED_S and one.begin_s <= at_s <= one.back_s + one.fault.limit_s + DECIDING_S
-               for one in flight.windows)
+    return any(one.fault.restarts and one.begin_s < DECIDED_S and one.lasts(at_s, longer_s=DECIDING_S) for one in flight.windows)
 
 
 def autopilot_was_away(flight, at_s):
     """What is left then of two sources that contradict each other may be the one that isn't believed."""
-    return any(one.fault.no_position and one.begin_s <= at_s <= one.back_s + one.fault.limit_s for one in flight.windows)
+    return any(one.fault.no_position and one.lasts(at_s) for one in flight.windows)
 
 
 def is_taken_away(flight, channel, at_s):
     """That channel by itself: whatever it had stays on the air."""
-    return any(one.channel == channel and one.fault.channels != ALL and one.begin_s <= at_s <= one.back_s + one.fault.limit_s +
-               lateness_s(flight) for one in flight.windows)
+    return any(one.channel == channel and one.fault.channels != ALL and one.lasts(at_s, longer_s=lateness_s(flight))
+               for one in flight.windows)
 
 
 def was_away(flight, channel, at_s):
     """A radio that is there again begins with what it had before."""
-    return any(one.channel == channel and one.begin_s <= at_s <= one.back_s + one.fault.limit_s + lateness_s(flight)
-               for one in flight.windows)
+    return any(one.channel == channel and one.lasts(at_s, longer_s=lateness_s(flight)) for one in flight.windows)
 
 
 def normally_s(flight, what):
@@ -287,8 +281,8 @@ def good_is_true(flight, heard):
 
 def something_was_wrong(flight, at_s, channel=None):
     """Then, or shortly before: with that channel, or at all."""
-    return any(channel in (None, one.channel) and
-               one.begin_s - ROUNDED_S <= at_s <= one.back_s + one.fault.limit_s + BAD_S + lateness_s(flight) for one in flight.windows)
+    return any(channel in (None, one.channel) and one.lasts(at_s, at_s + ROUNDED_S, longer_s=BAD_S + lateness_s(flight))
+               for one in flight.windows)
 
 
 def bad_is_true(flight):
@@ -329,15 +323,15 @@ def channel_is_true(flight, times, channel, said, at_s):
     silent_s = not_heard_since(flight, times, channel, at_s)
     if said["state"] == "on air":
         # Without a position it is on the air, and says that there is none.
-        none = any(one.fault.no_position and one.begin_s < at_s < one.back_s + one.fault.limit_s + GOOD_S + lateness_s(flight)
-                   for one in flight.windows if one.channel == channel)
+        none = any(one.fault.no_position and one.channel == channel and one.lasts(at_s, longer_s=GOOD_S + lateness_s(flight))
+                   for one in flight.windows)
         if silent_s is not None and not none:
             yield f"{channel}: \"on air\" at {at_s:.3f} s, the last newer position was heard at {silent_s:.3f} s"
     elif not something_was_wrong(flight, at_s, channel):
         yield f"{channel}: \"{said['state']}\" at {at_s:.3f} s, and nothing was wrong with it"
     elif (since_s := at_s - said["since_s"]) + SINCE_S + lateness_s(flight) < at_s:
-        known_s = max((one.fault.known_s + lateness_s(flight) for one in flight.windows if one.fault.known_s and one.channel == channel and
-                       one.begin_s < at_s < one.back_s + one.fault.limit_s + lateness_s(flight)), default=0.0)
+        known_s = max((one.fault.known_s + lateness_s(flight) for one in flight.windows if
+                       one.fault.known_s and one.channel == channel and one.lasts(at_s, longer_s=lateness_s(flight))), default=0.0)
         later = times[bisect_right(times, since_s + SINCE_S + lateness_s(flight)):bisect_right(times, at_s - MADE_S - known_s)]
         # A radio that takes too long for each is as good as lost.
         if any(after - before < SLOWLY_S for before, after in pairwise(later)):
@@ -368,8 +362,7 @@ def it_is_told(flight, until_s):
     late_s = lateness_s(flight)
     nobody = [one for one in flight.windows if one.channel == ALL[0] and one.fault.channels == ALL]
     for before, after in pairwise([WARM_UP_S, *(seconds(told.mono) for told in flight.autopilot.said), until_s]):
-        if after - before > TOLD_S + late_s and not any(
-                one.begin_s < after and one.back_s + one.fault.limit_s + TOLD_S > before for one in nobody):
+        if after - before > TOLD_S + late_s and not any(one.lasts(before, after, longer_s=TOLD_S) for one in nobody):
             yield f"no ARM_STATUS from {before:.3f} to {after:.3f} s"
 
 
@@ -412,8 +405,7 @@ def gaps_are_recorded(flight, heard, found, until_s):
 def recorded_gaps_were(flight, found):
     """And nothing else."""
     for channel, begin, end in found:
-        if not any(one.channel == channel and one.begin_s < end and one.back_s + one.fault.limit_s + RECORD_S > begin
-                   for one in flight.windows):
+        if not any(one.channel == channel and one.lasts(begin, end, longer_s=RECORD_S) for one in flight.windows):
             yield f"{channel}: the flight record has a gap from {begin:.3f} to {end:.3f} s, and there was none"
 
 

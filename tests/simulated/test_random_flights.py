@@ -62,6 +62,9 @@ EVER_FAILED = {
             ("wifi_chip_silent", 565.152157, 16.784481), ("daemon_hangs", 575.375291, 22.311768)])),
     "a new daemon waits longer than another one for a place, once it has heard that there is no fix": (203235, (
         "full", "serial", (0.0, 0), True, ("PX4", 7), [("daemon_killed", 522.918119, 0.042846), ("gnss_lost", 522.93874, 0.564028)])),
+    "a restart that was heard late bent the time that was carried over it": (205410, (
+        "full", "udp", (0.3, 150000), True, ("ArduPilot and a ground station", 6), [
+            ("autopilot_restarts", 266.208487, 0.519506), ("daemon_hangs", 266.562679, 1.648898)])),
 }
 
 

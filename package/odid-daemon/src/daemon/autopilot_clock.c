@@ -10,16 +10,17 @@
 #define STEP_US 1000000
 #define DELAY_MAX_US 30000000
 #define BELIEVED 3 /* times in a row */
-/* And for so long, by the autopilot's clock: who says the time ten times a second can be wrong for
- * one. */
+/* And for so long, between the instants at which it was said: who says the time ten times a second
+ * can be wrong for one, and what was read at once after a start has no instants yet. */
 #define STEP_LASTS_US 1900000
 #define YEAR_2010_US UINT64_C(1262304000000000)
 #define YEAR_2100_US UINT64_C(4102444800000000)
 
 void autopilot_clock_new_boot(struct autopilot_clock *clock)
 {
-    if (clock->boot_known && clock->utc_known) {
-        clock->utc_offset_us -= clock->offset_us; /* now UTC minus our clock */
+    if (clock->utc_of_this_boot) {
+        clock->utc_offset_us -= clock->offset_us;
+        clock->utc_of_this_boot = false;
     }
     clock->boot_known = false;
     clock->backward_seen = 0;
@@ -35,9 +36,6 @@ static void start_clock(struct autopilot_clock *clock, uint32_t boot_ms, int64_t
     clock->least_us[0] = clock->least_us[1] = clock->offset_us;
     clock->window_us = clock->heard_us = now_us;
     clock->ahead_seen = 0;
-    if (clock->utc_known) {
-        clock->utc_offset_us += clock->offset_us;
-    }
 }
 
 /* Boot time without its wrap; the newest one is remembered. Only that teaches: an older one, or
@@ -111,7 +109,7 @@ static bool is_ahead(struct autopilot_clock *clock, uint32_t boot_ms, int64_t no
         autopilot_clock_new_boot(clock);
         return false;
     }
-    /* What was learnt last had come late, all of it. UTC still goes with the time since boot. */
+    /* What was learnt last had come late, all of it. UTC that this boot said still goes with it. */
     clock->least_us[0] = clock->least_us[1] = now_us - boot_us;
     clock->window_us = now_us;
     clock->ahead_seen = 0;
@@ -148,21 +146,28 @@ bool autopilot_clock_plausible(uint64_t unix_us)
     return unix_us >= YEAR_2010_US && unix_us <= YEAR_2100_US;
 }
 
+static void believe_utc(struct autopilot_clock *clock, int64_t offset_us)
+{
+    clock->utc_known = clock->utc_of_this_boot = true;
+    clock->utc_offset_us = offset_us;
+    clock->step_seen = 0;
+}
+
 void autopilot_clock_utc(struct autopilot_clock *clock, uint64_t unix_us, uint32_t boot_ms,
                          bool fix_known, int64_t now_us)
 {
     bool restarted;
-    int64_t boot_us, offset_us;
+    int64_t at_us, offset_us;
 
-    boot_us = autopilot_clock_boot(clock, boot_ms, now_us, &restarted) - clock->offset_us;
-    if (!autopilot_clock_plausible(unix_us)) {
+    at_us = autopilot_clock_boot(clock, boot_ms, now_us, &restarted);
+    if (!autopilot_clock_plausible(unix_us) || clock->ahead_seen > 0) {
         return;
     }
-    offset_us = (int64_t)unix_us - boot_us;
-    if (!clock->utc_known ? fix_known : llabs(offset_us - clock->utc_offset_us) <= STEP_US) {
-        clock->utc_known = true;
-        clock->utc_offset_us = offset_us;
-        clock->step_seen = 0;
+    offset_us = (int64_t)unix_us - (at_us - clock->offset_us);
+    if (!clock->utc_known
+            ? fix_known
+            : llabs((int64_t)unix_us - autopilot_clock_unix_us(clock, at_us)) <= STEP_US) {
+        believe_utc(clock, offset_us);
         return;
     }
     if (!fix_known) {
@@ -170,17 +175,16 @@ void autopilot_clock_utc(struct autopilot_clock *clock, uint64_t unix_us, uint32
     }
     if (clock->step_seen == 0 || llabs(offset_us - clock->step_us) > STEP_US) {
         clock->step_seen = 0;
-        clock->step_since_us = boot_us;
+        clock->step_since_us = at_us;
     }
     clock->step_us = offset_us;
-    if (++clock->step_seen >= BELIEVED && boot_us - clock->step_since_us >= STEP_LASTS_US) {
-        clock->utc_offset_us = offset_us;
-        clock->step_seen = 0;
+    if (++clock->step_seen >= BELIEVED && at_us - clock->step_since_us >= STEP_LASTS_US) {
+        believe_utc(clock, offset_us);
     }
 }
 
 int64_t autopilot_clock_unix_us(const struct autopilot_clock *clock, int64_t at_us)
 {
-    return clock->boot_known ? at_us - clock->offset_us + clock->utc_offset_us
-                             : at_us + clock->utc_offset_us;
+    return clock->utc_of_this_boot ? at_us - clock->offset_us + clock->utc_offset_us
+                                   : at_us + clock->utc_offset_us;
 }

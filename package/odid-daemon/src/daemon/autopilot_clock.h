@@ -26,10 +26,12 @@ struct autopilot_clock {
     unsigned backward_seen; /* boot times in a row that were earlier than the newest, ... */
     uint32_t backward_ms;   /* ... the last of them */
     bool utc_known;
-    int64_t utc_offset_us; /* UTC (Unix) minus boot time */
-    int64_t step_us;       /* another UTC offset that was seen ... */
+    bool utc_of_this_boot; /* said since it started. What is carried over a start goes by our clock:
+                              of the new boot time it isn't known yet how late it came */
+    int64_t utc_offset_us; /* UTC (Unix) minus boot time, or minus our clock when carried over */
+    int64_t step_us;       /* UTC minus boot time, another one that was seen ... */
     unsigned step_seen;    /* ... this often in a row, ... */
-    int64_t step_since_us; /* ... since that boot time */
+    int64_t step_since_us; /* ... since that instant of our clock */
     unsigned restarts;
 };
 

@@ -310,6 +310,48 @@ static void utc_may_be_what_comes_first_after_a_restart(void **state)
     assert_int_equal(clock.restarts, 1);
 }
 
+/* Who hung while the autopilot started reads its first messages late, and all at once. */
+static void utc_goes_on_over_a_restart_that_was_heard_late(void **state)
+{
+    (void)state;
+    for (int64_t late = SECOND / 4; late < 20 * SECOND; late += SECOND / 4) {
+        bool restarted;
+
+        setup(NULL);
+        for (int64_t at = 100 * SECOND; at < 110 * SECOND; at += SECOND) {
+            tell_utc(at);
+        }
+        boot_at_us = 112 * SECOND;
+        for (int64_t at = 0; at <= late; at += SECOND / 4) {
+            hear_late(boot_at_us + at, boot_at_us + late, &restarted);
+            assert_int_equal(restarted, at == 0);
+            autopilot_clock_utc(&clock, (uint64_t)(utc_at_us + boot_at_us + at),
+                                boot_ms_at(boot_at_us + at), true, boot_at_us + late);
+            assert_within(utc_error(boot_at_us + late), SECOND + 2 * LATENCY);
+        }
+        assert_within(utc_error(boot_at_us + late), 2 * LATENCY);
+    }
+}
+
+/* One message alone took a slow way, and what is on time after it seems to be ahead. */
+static void utc_goes_on_over_a_restart_whose_first_message_came_late(void **state)
+{
+    bool restarted;
+
+    (void)state;
+    for (int64_t at = 100 * SECOND; at < 110 * SECOND; at += SECOND) {
+        tell_utc(at);
+    }
+    boot_at_us = 112 * SECOND;
+    hear_late(113 * SECOND, 117 * SECOND, &restarted);
+    assert_true(restarted);
+    for (int64_t at = 117 * SECOND; at < 130 * SECOND; at += SECOND) {
+        tell_utc(at);
+        assert_within(utc_error(at), 2 * LATENCY);
+    }
+    assert_int_equal(clock.restarts, 1);
+}
+
 static void another_autopilot_starts_anew_and_utc_goes_on(void **state)
 {
     (void)state;
@@ -428,6 +470,8 @@ int main(void)
         cmocka_unit_test_setup(a_restart_soon_after_the_first_start_is_noticed, setup),
         cmocka_unit_test_setup(a_boot_time_that_stays_back_is_a_restart_at_the_third, setup),
         cmocka_unit_test_setup(utc_goes_on_over_a_restart, setup),
+        cmocka_unit_test_setup(utc_goes_on_over_a_restart_that_was_heard_late, setup),
+        cmocka_unit_test_setup(utc_goes_on_over_a_restart_whose_first_message_came_late, setup),
         cmocka_unit_test_setup(utc_may_be_what_comes_first_after_a_restart, setup),
         cmocka_unit_test_setup(another_autopilot_starts_anew_and_utc_goes_on, setup),
         cmocka_unit_test_setup(a_time_that_is_no_gnss_time_is_ignored, setup),
