@@ -69,10 +69,17 @@ def judged_by_law(flight, until_s):
 
 
 def with_their_limits(windows):
-    """Where a daemon began meanwhile it may be another one."""
+    """Where a daemon began meanwhile it may be another one; and what was done to a radio while none was there, or it hung,
+    is noticed from then on."""
+    def limited(one):
+        if one.fault.begun_s and any(other.lasts(one.begin_s, one.back_s) for other in begun):
+            one = one._replace(fault=replace(one.fault, limit_s=one.fault.begun_s))
+        if one.fault.part in ("chip", "hostapd"):
+            one = one._replace(back_s=max([one.back_s, *(other.back_s for other in begun if
+                                                         other.begin_s <= one.begin_s <= other.back_s)]))
+        return one
     begun = [one for one in windows if one.fault.restarts]
-    return [one._replace(fault=replace(one.fault, limit_s=one.fault.begun_s)) if one.fault.begun_s and any(
-        other.lasts(one.begin_s, one.back_s) for other in begun) else one for one in windows]
+    return [limited(one) for one in windows]
 
 
 def seconds(mono):

@@ -65,6 +65,9 @@ EVER_FAILED = {
     "a restart that was heard late bent the time that was carried over it": (205410, (
         "full", "udp", (0.3, 150000), True, ("ArduPilot and a ground station", 6), [
             ("autopilot_restarts", 266.208487, 0.519506), ("daemon_hangs", 266.562679, 1.648898)])),
+    "the law had a chip noticed by a daemon that hung": (300904, (
+        "full", "udp", (0.0, 0), True, ("ArduPilot with two receivers", 5), [
+            ("daemon_hangs", 384.154446, 1.935721), ("controller_loses_an_event", 384.314708, 22.013623)])),
 }
 
 
