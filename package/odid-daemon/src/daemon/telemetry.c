@@ -232,9 +232,6 @@ static void take_autopilots(struct telemetry *telemetry, unsigned stream,
         belief_new_link(&telemetry->belief);
     }
     telemetry->signs = message->incompat_flags & MAVLINK_IFLAG_SIGNED;
-    if (message->msgid != MAVLINK_MSG_ID_HEARTBEAT) {
-        vehicle_speaks(&telemetry->vehicle, now_us);
-    }
     belief_sequence(&telemetry->belief, message->seq, same_frame(message, &telemetry->latest),
                     now_us);
     telemetry->latest = *message;
@@ -267,6 +264,9 @@ static void take_frame(struct telemetry *telemetry, unsigned stream,
         telemetry->counters.other_system++;
     } else {
         telemetry->counters.frames += deliver_believed(telemetry, &update, now_us);
+    }
+    if (message->compid == MAV_COMP_ID_AUTOPILOT1 && message->msgid != MAVLINK_MSG_ID_HEARTBEAT) {
+        vehicle_speaks(&telemetry->vehicle, message->sysid, now_us);
     }
     if (from_autopilot(telemetry, message)) {
         take_autopilots(telemetry, stream, message, now_us);

@@ -5,23 +5,25 @@
 /* A vehicle that was silent for this long may be another one: a changed SYSID, another aircraft. */
 #define FORGOTTEN_US 10000000
 #define EXPECTED_US 3000000 /* three of its HEARTBEATs */
-/* Who says HEARTBEATs for so long, or anything else, is there to stay; who falls silent before, for
- * longer than a HEARTBEAT's second, was a stray voice. */
+/* Who is heard for so long is there to stay; who falls silent before, for longer than a HEARTBEAT's
+ * second, was a stray voice. */
 #define SETTLED_US 3000000
 #define PASSED_BY_US 1500000
 /* An autopilot has started by then; one that is expected still isn't there. */
 #define STARTED_US 60000000
+#define SILENT_US 3000000
 
 void vehicle_init(struct vehicle *vehicle)
 {
     memset(vehicle, 0, sizeof(*vehicle));
-    vehicle->heartbeat_us = INT64_MIN;
+    vehicle->heartbeat_us = vehicle->returned_us = INT64_MIN;
 }
 
 void vehicle_expect(struct vehicle *vehicle, uint8_t system, bool armed, int64_t now_us)
 {
     vehicle->system = vehicle->kept = system;
     vehicle->kept_until_us = now_us + STARTED_US;
+    vehicle->begun_us = vehicle->last_us = now_us;
     vehicle->armed = armed;
     vehicle->until_us = now_us + EXPECTED_US;
 }
@@ -48,13 +50,13 @@ static bool took_off_here(const struct vehicle *vehicle, int64_t now_us)
 
 bool vehicle_is_settled(const struct vehicle *vehicle)
 {
-    return vehicle->spoke || vehicle->heartbeat_us - vehicle->begun_us >= SETTLED_US;
+    return vehicle->last_us - vehicle->begun_us >= SETTLED_US;
 }
 
 static bool passed_by(const struct vehicle *vehicle, int64_t now_us)
 {
     return vehicle->heartbeat_us != INT64_MIN && !vehicle_is_settled(vehicle) &&
-           now_us - vehicle->heartbeat_us > PASSED_BY_US;
+           now_us - vehicle->last_us > PASSED_BY_US;
 }
 
 bool vehicle_is(const struct vehicle *vehicle, uint8_t system)
@@ -69,12 +71,26 @@ static bool is_given_up(const struct vehicle *vehicle, int64_t now_us)
     return !vehicle->kept_heard || now_us - vehicle->kept_us >= STARTED_US;
 }
 
+/* One HEARTBEAT of a stray voice, heard again in flight, brings nobody back. */
+static bool has_returned(const struct vehicle *vehicle, int64_t now_us)
+{
+    return vehicle->returned_us != INT64_MIN && now_us - vehicle->returned_us <= PASSED_BY_US &&
+           vehicle->returned_us - vehicle->returns_us >= SETTLED_US;
+}
+
+static bool is_silent(const struct vehicle *vehicle, int64_t now_us)
+{
+    return now_us - vehicle->last_us > SILENT_US;
+}
+
 /*
  * Is this heartbeat, of another system than the vehicle, the vehicle's from now
- * on? Where that one has only passed by: yes. The kept one returns at any time; one that is only
- * expected, of the last power-on, not once another one has taken off here. Another one is a changed
- * system id, after a long silence and on the ground, or where the kept one was
- * only expected; not a ground station's, once there was a vehicle.
+ * on? Where that one has only passed by: yes. The kept one returns when the vehicle is silent, or
+ * once it has said more than HEARTBEATs for a while, and leaves it to who took off here when it is
+ * silent again; one that is only expected, of the last power-on, returns at once, but not once
+ * another one has taken off here. Another one is a changed system id, after a long silence and on
+ * the ground, or where the kept one was only expected; not a ground station's, once there was a
+ * vehicle.
  */
 static bool takes_over(const struct vehicle *vehicle, uint8_t system, bool armed, int64_t now_us)
 {
@@ -85,7 +101,11 @@ static bool takes_over(const struct vehicle *vehicle, uint8_t system, bool armed
         return true;
     }
     if (system == vehicle->kept) {
-        return vehicle->kept_heard || !took_off_here(vehicle, now_us);
+        return vehicle->kept_heard ? is_silent(vehicle, now_us) || has_returned(vehicle, now_us)
+                                   : !took_off_here(vehicle, now_us);
+    }
+    if (system == vehicle->flies) {
+        return is_silent(vehicle, now_us);
     }
     return !vehicle->armed && (!armed || none_yet) &&
            (!vehicle_is_ground_station(vehicle, system) || none_yet) && now_us >= vehicle->until_us;
@@ -102,6 +122,17 @@ static void keep(struct vehicle *vehicle, int64_t now_us)
     }
 }
 
+static void replace(struct vehicle *vehicle, uint8_t system, int64_t now_us)
+{
+    uint8_t flies = took_off_here(vehicle, now_us) ? vehicle->system : 0;
+
+    vehicle->seen_disarmed = system == vehicle->flies; /* it was, when it took off */
+    vehicle->flies = flies;
+    vehicle->system = system;
+    vehicle->begun_us = now_us;
+    vehicle->returned_us = INT64_MIN;
+}
+
 enum vehicle_is vehicle_heartbeat(struct vehicle *vehicle, uint8_t system, bool armed,
                                   int64_t now_us)
 {
@@ -111,11 +142,9 @@ enum vehicle_is vehicle_heartbeat(struct vehicle *vehicle, uint8_t system, bool 
         if (!takes_over(vehicle, system, armed, now_us)) {
             return VEHICLE_ANOTHER;
         }
-        vehicle->system = system;
-        vehicle->seen_disarmed = vehicle->spoke = false;
-        vehicle->begun_us = now_us;
+        replace(vehicle, system, now_us);
     }
-    vehicle->heartbeat_us = now_us;
+    vehicle->heartbeat_us = vehicle->last_us = now_us;
     vehicle->seen_disarmed = vehicle->seen_disarmed || !armed;
     vehicle->armed = armed;
     keep(vehicle, now_us);
@@ -125,9 +154,22 @@ enum vehicle_is vehicle_heartbeat(struct vehicle *vehicle, uint8_t system, bool 
     return other ? VEHICLE_NEW : VEHICLE_KNOWN;
 }
 
-/* Its HEARTBEATs may be lost, or kept from us. */
-void vehicle_speaks(struct vehicle *vehicle, int64_t now_us)
+static void hear_kept(struct vehicle *vehicle, int64_t now_us)
 {
-    vehicle->spoke = true;
-    vehicle->until_us = now_us + (vehicle->heartbeat_us == INT64_MIN ? EXPECTED_US : FORGOTTEN_US);
+    if (vehicle->returned_us == INT64_MIN || now_us - vehicle->returned_us > PASSED_BY_US) {
+        vehicle->returns_us = now_us;
+    }
+    vehicle->returned_us = now_us;
+}
+
+/* Its HEARTBEATs may be lost, or kept from us. */
+void vehicle_speaks(struct vehicle *vehicle, uint8_t system, int64_t now_us)
+{
+    if (system == vehicle->system) {
+        vehicle->last_us = now_us;
+        vehicle->until_us =
+            now_us + (vehicle->heartbeat_us == INT64_MIN ? EXPECTED_US : FORGOTTEN_US);
+    } else if (system == vehicle->kept) {
+        hear_kept(vehicle, now_us);
+    }
 }

@@ -13,17 +13,20 @@
 #include <stdint.h>
 
 struct vehicle {
-    uint8_t system;                   /* MAVLink's system id; 0: none yet */
-    bool armed;                       /* its last word */
-    bool seen_disarmed;               /* it said so before */
-    bool spoke;                       /* it says more than HEARTBEATs */
-    int64_t begun_us;                 /* its first HEARTBEAT */
-    int64_t heartbeat_us;             /* its last one; INT64_MIN: none */
-    int64_t until_us;                 /* no other system is the vehicle until then */
-    uint8_t kept;                     /* who was there first, or is expected: it may return */
-    bool kept_heard;                  /* it was the vehicle in our time, ... */
-    int64_t kept_us;                  /* ... until then */
-    int64_t kept_until_us;            /* one that wasn't heard is expected until then */
+    uint8_t system;                  /* MAVLink's system id; 0: none yet */
+    bool armed;                      /* its last word */
+    bool seen_disarmed;              /* it said so before */
+    int64_t begun_us;                /* its first HEARTBEAT */
+    int64_t heartbeat_us;            /* its last one; INT64_MIN: none */
+    int64_t last_us;                 /* its last frame */
+    int64_t until_us;                /* no other system is the vehicle until then */
+    uint8_t kept;                    /* who was there first, or is expected: it may return */
+    bool kept_heard;                 /* it was the vehicle in our time, ... */
+    int64_t kept_us;                 /* ... until then */
+    int64_t kept_until_us;           /* one that wasn't heard is expected until then */
+    int64_t returns_us, returned_us; /* while another one is: it says more than HEARTBEATs since
+                                        then, and did so last; returned_us INT64_MIN: it doesn't */
+    uint8_t flies;                   /* who took off here before the kept one returned; 0: nobody */
     uint8_t ground_stations[256 / 8]; /* system ids that sent a ground station's HEARTBEAT */
 };
 
@@ -44,8 +47,9 @@ enum vehicle_is vehicle_heartbeat(struct vehicle *vehicle, uint8_t system, bool 
 /* Is that system the vehicle, or the one that was there first and may return? */
 bool vehicle_is(const struct vehicle *vehicle, uint8_t system);
 
-/* Anything else of the vehicle's autopilot: as long as it comes no other system takes its place. */
-void vehicle_speaks(struct vehicle *vehicle, int64_t now_us);
+/* Anything else of an autopilot: as long as the vehicle's comes no other system takes its place,
+ * but the one that was there first. */
+void vehicle_speaks(struct vehicle *vehicle, uint8_t system, int64_t now_us);
 
 /* Is it there to stay, and no stray voice? */
 bool vehicle_is_settled(const struct vehicle *vehicle);

@@ -533,10 +533,12 @@ static void a_stray_voice_holds_nobody_off(void **state)
     now_us += SECOND;
     assert_int_equal(feed(autopilot_heartbeat(VEHICLE)), 1);
     assert_int_equal(telemetry_vehicle(telemetry), VEHICLE);
-    assert_int_equal(feed(some_position(VEHICLE, AUTOPILOT)), 1);
+    for (unsigned i = 0; i < 3; i++) {
+        assert_false(telemetry_vehicle_settled(telemetry));
+        now_us += SECOND;
+        assert_int_equal(feed(autopilot_heartbeat(VEHICLE)), 1);
+    }
     assert_true(telemetry_vehicle_settled(telemetry));
-    now_us += SECOND;
-    assert_int_equal(feed(autopilot_heartbeat(VEHICLE)), 1);
     /* Nor has it a right of return. */
     now_us += 20 * SECOND;
     assert_int_equal(feed(autopilot_heartbeat(OTHER_VEHICLE)), 0);
@@ -585,22 +587,79 @@ static void one_that_flies_takes_no_place_at_all(void **state)
     assert_int_equal(telemetry_vehicle(telemetry), VEHICLE);
 }
 
-/* Whatever the other one says meanwhile. */
-static void the_first_vehicle_has_its_place_back_when_it_returns(void **state)
+/* The first one was silent, and another one takes its place and takes off. */
+static void another_one_takes_off(void)
 {
-    (void)state;
     feed(disarmed_heartbeat(VEHICLE));
     now_us += 11 * SECOND;
     assert_int_equal(feed(disarmed_heartbeat(OTHER_VEHICLE)), 1);
     now_us += SECOND;
     assert_int_equal(feed(autopilot_heartbeat(OTHER_VEHICLE)), 1);
+}
+
+/* Both of them speak, for 3 s; the second one of them first. */
+static void both_speak(void)
+{
+    for (unsigned i = 0; i < 3; i++) {
+        now_us += SECOND;
+        assert_int_equal(feed(autopilot_heartbeat(OTHER_VEHICLE)), 1);
+        assert_int_equal(feed(disarmed_heartbeat(VEHICLE)), 0); /* one voice may be a stray one */
+        assert_int_equal(feed(some_position(VEHICLE, AUTOPILOT)), 0);
+    }
     now_us += SECOND;
+    assert_int_equal(feed(some_position(VEHICLE, AUTOPILOT)), 0);
+}
+
+/* Whatever the other one says meanwhile. */
+static void the_first_vehicle_has_its_place_back_when_it_returns(void **state)
+{
+    (void)state;
+    another_one_takes_off();
+    both_speak();
     assert_int_equal(feed(autopilot_heartbeat(VEHICLE)), 1);
     assert_true(latest()->heartbeat.new_vehicle);
     assert_int_equal(telemetry_vehicle(telemetry), VEHICLE);
     assert_int_equal(feed(autopilot_heartbeat(OTHER_VEHICLE)), 0);
     assert_int_equal(feed(some_position(OTHER_VEHICLE, AUTOPILOT)), 0);
     assert_int_equal(feed(some_position(VEHICLE, AUTOPILOT)), 1);
+}
+
+static void and_at_once_when_the_other_one_is_silent(void **state)
+{
+    (void)state;
+    another_one_takes_off();
+    now_us += 3 * SECOND + 1;
+    assert_int_equal(feed(autopilot_heartbeat(VEHICLE)), 1);
+    assert_int_equal(telemetry_vehicle(telemetry), VEHICLE);
+}
+
+/* A stray voice of the ground, which the vehicle took for the first one, is heard again in flight:
+ * one HEARTBEAT held the vehicle off for the rest of it. */
+static void one_heartbeat_takes_nothing_from_who_took_off_here(void **state)
+{
+    (void)state;
+    another_one_takes_off();
+    for (unsigned i = 0; i < 120; i++) {
+        now_us += SECOND;
+        assert_int_equal(feed(disarmed_heartbeat(VEHICLE)), 0);
+        assert_int_equal(feed(autopilot_heartbeat(OTHER_VEHICLE)), 1);
+    }
+    assert_int_equal(telemetry_vehicle(telemetry), OTHER_VEHICLE);
+}
+
+/* That one has the whole of it, and falls silent again. */
+static void who_took_off_here_has_its_place_back_from_who_is_silent(void **state)
+{
+    (void)state;
+    another_one_takes_off();
+    for (unsigned i = 0; i < 3; i++) {
+        both_speak();
+        assert_int_equal(feed(disarmed_heartbeat(VEHICLE)), 1);
+        assert_int_equal(feed(autopilot_heartbeat(OTHER_VEHICLE)), 0);
+        now_us += 3 * SECOND + 1;
+        assert_int_equal(feed(autopilot_heartbeat(OTHER_VEHICLE)), 1);
+        assert_true(latest()->heartbeat.new_vehicle);
+    }
 }
 
 /* Its system id was changed on the ground; 1 is what many have. */
@@ -727,6 +786,9 @@ int main(void)
                                setup),
         cmocka_unit_test_setup(one_that_flies_takes_no_place_at_all, setup),
         cmocka_unit_test_setup(the_first_vehicle_has_its_place_back_when_it_returns, setup),
+        cmocka_unit_test_setup(and_at_once_when_the_other_one_is_silent, setup),
+        cmocka_unit_test_setup(one_heartbeat_takes_nothing_from_who_took_off_here, setup),
+        cmocka_unit_test_setup(who_took_off_here_has_its_place_back_from_who_is_silent, setup),
         cmocka_unit_test_setup(who_took_off_here_gives_way_to_nobody_who_was_only_expected, setup),
         cmocka_unit_test_setup(a_station_of_the_same_system_takes_no_place_away, setup),
         cmocka_unit_test_setup(a_ground_station_becomes_no_vehicle, setup),
