@@ -179,6 +179,13 @@ static bool ask_for_less(struct bluetooth_adapter *adapter, const struct answer 
     if (adapter->step == STEP_LONG_RANGE_DATA && take_smaller_pack(adapter)) {
         return true;
     }
+    /* What fits a set that is off can be more than its PHY can send: refused when switched on
+     * (Vol 4 Part E 7.8.56). */
+    if (adapter->step == STEP_ENABLE && answer->status == BLUETOOTH_PACKET_TOO_LONG &&
+        adapter->sets[BLUETOOTH_LONG_RANGE].possible && take_smaller_pack(adapter)) {
+        adapter->step = STEP_LONG_RANGE_DATA;
+        return true;
+    }
     return give_up_long_range(adapter, answer, now_us);
 }
 

@@ -103,6 +103,29 @@ static void a_controller_that_refuses_a_pack_is_given_a_smaller_one(void **state
     }
 }
 
+static uint8_t enable_is_refused_over_191_octets(uint16_t opcode, const uint8_t *p)
+{
+    return opcode == 0x2039 && p[0] == 1 && p[1] == 2 && fake.sets[1].length > 191 ? 0x45 : 0;
+}
+
+/* Long range was given up then: it was the command that switches it on, not its data's. */
+static void a_pack_that_is_refused_when_it_is_switched_on_is_made_smaller(void **state)
+{
+    (void)state;
+    start(CAPABLE);
+    fake.quirk = enable_is_refused_over_191_octets;
+    begin();
+    for (unsigned i = 0; i < 8; i++) {
+        set_legacy(1);
+        give_extended(9 + (bluetooth_extended_room() - 9) / 25 * 25);
+        run_ms(250);
+    }
+    assert_true(both_on_air());
+    assert_int_equal(fake.sets[1].length, 9 + 7 * 25);
+    assert_int_equal(bt5.state, RADIO_ON_AIR);
+    fake.quirk = NULL;
+}
+
 static bool all_is_set(void)
 {
     return both_on_air() && fake.sets[1].length == 9 + 9 * 25;
@@ -495,6 +518,7 @@ int main(void)
         TEST(a_capable_controller_never_gets_a_legacy_command),
         TEST(a_controller_with_less_room_is_given_a_smaller_pack),
         TEST(a_controller_that_refuses_a_pack_is_given_a_smaller_one),
+        TEST(a_pack_that_is_refused_when_it_is_switched_on_is_made_smaller),
         TEST(a_larger_pack_is_tried_again),
         TEST(an_interval_that_was_refused_is_tried_again),
         TEST(a_coding_that_was_refused_is_tried_again),
