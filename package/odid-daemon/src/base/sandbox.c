@@ -1,7 +1,10 @@
 #include "base/sandbox.h"
 
+#include <bluetooth/bluetooth.h>
+#include <bluetooth/hci.h>
 #include <cap-ng.h>
 #include <errno.h>
+#include <fcntl.h>
 #include <linux/capability.h>
 #include <malloc.h>
 #include <pwd.h>
@@ -9,6 +12,7 @@
 #include <seccomp.h>
 #include <stddef.h>
 #include <string.h>
+#include <sys/ioctl.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
@@ -91,8 +95,6 @@ static const int allowed[] = {
     SCMP_SYS(getsockopt),
     SCMP_SYS(setsockopt),
     SCMP_SYS(getsockname),
-    SCMP_SYS(ioctl),
-    SCMP_SYS(fcntl),
     SCMP_SYS(fstat),
     SCMP_SYS(newfstatat),
     SCMP_SYS(lseek),
@@ -116,10 +118,18 @@ static const int allowed[] = {
     SCMP_SYS(rt_sigprocmask),
     SCMP_SYS(getpid),
     SCMP_SYS(gettid),
-    SCMP_SYS(tgkill),
     SCMP_SYS(exit),
     SCMP_SYS(exit_group),
 };
+
+/* Of a file descriptor: what it is opened with, and its owner is not among them, whom the kernel
+ * sends a signal when something comes: a daemon that was taken over ended its keeper by that. */
+static const uint32_t fcntl_commands[] = {F_GETFD, F_SETFD,         F_GETFL,
+                                          F_SETFL, F_DUPFD_CLOEXEC, F_GETPIPE_SZ};
+static const uint32_t ioctl_requests[] = {TCGETS,   TCSETS,   TCFLSH,
+                                          TIOCOUTQ, FIONREAD, HCIGETDEVINFO};
+static const uint32_t owner_commands[] = {F_SETOWN, F_SETOWN_EX, F_SETSIG};
+static const uint32_t owner_requests[] = {FIOSETOWN, SIOCSPGRP};
 
 static const int socket_families[] = {AF_UNIX, AF_INET, AF_BLUETOOTH};
 
@@ -147,6 +157,10 @@ static const int never[] = {
     /* out of its keeper's hands, and its limits */
     SCMP_SYS(prctl),
     SCMP_SYS(kill),
+    SCMP_SYS(tkill),
+    SCMP_SYS(rt_sigqueueinfo),
+    SCMP_SYS(rt_tgsigqueueinfo),
+    SCMP_SYS(pidfd_send_signal),
     SCMP_SYS(setrlimit),
     SCMP_SYS(prlimit64),
     SCMP_SYS(setpriority),
@@ -233,6 +247,48 @@ static const int never[] = {
     SCMP_SYS(setdomainname),
 };
 
+/* The kernel looks at 32 bits of a command. */
+static int add_for_each(scmp_filter_ctx filter, uint32_t action, int call, const uint32_t *commands,
+                        size_t count)
+{
+    int result = 0;
+
+    for (size_t i = 0; i < count && result == 0; i++) {
+        result = seccomp_rule_add(filter, action, call, 1,
+                                  SCMP_A1(SCMP_CMP_MASKED_EQ, UINT32_MAX, commands[i]));
+    }
+    return result;
+}
+
+#define ADD_FOR_EACH(filter, action, call, commands)                                               \
+    add_for_each(filter, action, call, commands, sizeof(commands) / sizeof((commands)[0]))
+
+/* A signal to ourselves is what abort() sends; to our keeper, of the same user, it would be its
+ * end. */
+static int add_own_descriptors_and_signals(scmp_filter_ctx filter)
+{
+    int result = ADD_FOR_EACH(filter, SCMP_ACT_ALLOW, SCMP_SYS(fcntl), fcntl_commands);
+
+    if (result == 0) {
+        result = ADD_FOR_EACH(filter, SCMP_ACT_ALLOW, SCMP_SYS(ioctl), ioctl_requests);
+    }
+    return result < 0 ? result
+                      : seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(tgkill), 1,
+                                         SCMP_A0(SCMP_CMP_EQ, (scmp_datum_t)getpid()));
+}
+
+static int refuse_owners_and_signals(scmp_filter_ctx filter, uint32_t refuse)
+{
+    int result = ADD_FOR_EACH(filter, refuse, SCMP_SYS(fcntl), owner_commands);
+
+    if (result == 0) {
+        result = ADD_FOR_EACH(filter, refuse, SCMP_SYS(ioctl), owner_requests);
+    }
+    return result < 0 ? result
+                      : seccomp_rule_add(filter, refuse, SCMP_SYS(tgkill), 1,
+                                         SCMP_A0(SCMP_CMP_NE, (scmp_datum_t)getpid()));
+}
+
 /* Of the internet's family datagrams only: raw ones, with CAP_NET_RAW, would read along what comes
  * to the page, its password among it, and get past the firewall. */
 static int allow_datagrams(scmp_filter_ctx filter)
@@ -270,6 +326,9 @@ static int add_refusals(scmp_filter_ctx filter)
         result = seccomp_rule_add(filter, refuse, SCMP_SYS(mprotect), 1,
                                   SCMP_A2(SCMP_CMP_MASKED_EQ, executable, executable));
     }
+    if (result == 0) {
+        result = refuse_owners_and_signals(filter, refuse);
+    }
     return result < 0 ? result : refuse_other_sockets(filter, refuse);
 }
 
@@ -283,6 +342,10 @@ static int add_rules(scmp_filter_ctx filter)
         if (result < 0 && result != -EDOM) {
             return result;
         }
+    }
+    result = add_own_descriptors_and_signals(filter);
+    if (result < 0) {
+        return result;
     }
     for (size_t i = 0; i < sizeof(socket_families) / sizeof(socket_families[0]); i++) {
         result = socket_families[i] == AF_INET

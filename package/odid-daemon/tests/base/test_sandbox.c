@@ -114,6 +114,24 @@ static void trace_a_process(void)
     syscall(SYS_ptrace, 0, 0, 0, 0);
 }
 
+/* Its parent is what its keeper is: on a computer of one's own, of the same user. */
+static void signal_its_parent(void)
+{
+    syscall(SYS_tgkill, getppid(), getppid(), 0);
+}
+
+static void have_its_parent_signalled(void)
+{
+    fcntl(STDIN_FILENO, F_SETOWN, getppid());
+}
+
+static void have_its_parent_signalled_by_another_call(void)
+{
+    int parent = getppid();
+
+    ioctl(STDIN_FILENO, FIOSETOWN, &parent);
+}
+
 static void map_executable_memory(void)
 {
     syscall(SYS_mmap, NULL, 4096, PROT_READ | PROT_EXEC, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
@@ -215,6 +233,9 @@ static void a_forbidden_system_call_ends_the_process(void **state)
     assert_killed_by_filter(sandboxed(make_a_directory, false));
     assert_killed_by_filter(sandboxed(run_a_program, false));
     assert_killed_by_filter(sandboxed(trace_a_process, false));
+    assert_killed_by_filter(sandboxed(signal_its_parent, false));
+    assert_killed_by_filter(sandboxed(have_its_parent_signalled, false));
+    assert_killed_by_filter(sandboxed(have_its_parent_signalled_by_another_call, false));
 }
 
 static void executable_memory_and_foreign_sockets_end_it_too(void **state)
@@ -272,6 +293,13 @@ static void break_out(void)
     MUST(refused(syscall(SYS_execveat, AT_FDCWD, "/bin/true", words, NULL, 0)));
     MUST(refused(syscall(SYS_clone, SIGCHLD, 0, 0, 0, 0)));
     MUST(refused(syscall(SYS_ptrace, 0, 0, 0, 0)));
+    MUST(refused(syscall(SYS_tgkill, getppid(), getppid(), 0)));
+    MUST(refused(syscall(SYS_tgkill, 1L << 32 | getppid(), getppid(), 0)));
+    MUST(refused(syscall(SYS_tkill, getppid(), 0)));
+    MUST(refused(syscall(SYS_pidfd_send_signal, fd, 0, NULL, 0)));
+    MUST(refused(syscall(SYS_fcntl, fd, F_SETOWN, getppid())));
+    MUST(refused(syscall(SYS_fcntl, fd, 1L << 32 | F_SETSIG, SIGKILL)));
+    MUST(refused(syscall(SYS_ioctl, fd, SIOCSPGRP, parameters)));
     MUST(refused(syscall(SYS_process_vm_readv, getppid(), NULL, 0, NULL, 0, 0)));
     MUST(refused(syscall(SYS_mount, "none", "/mnt", "tmpfs", 0, NULL)));
     MUST(refused(syscall(SYS_umount2, "/nowhere", 0)));
