@@ -101,7 +101,8 @@ def make_layer(files, root, architecture, when):
         layer.put(f"usr/lib/{triplet}/{name}", path.read_bytes())
     for folder in ("dev", "proc", "sys", "tmp", "run"):
         layer.folder(folder)
-    layer.folder("run/odid", 0o1777)  # a memory file system takes its place there, and its mode; its owner it doesn't
+    for folder in ("run/odid", "run/odid-faults"):
+        layer.folder(folder, 0o1777)  # a memory file system takes its place there, and its mode; its owner it doesn't
     return layer.bytes()
 
 
@@ -113,7 +114,7 @@ def image(layer, architecture, version, when):
         "architecture": architecture, "os": "linux", "created": created,
         "config": {
             "User": "odid",
-            "Entrypoint": ["/usr/sbin/odid-keeper", "-faults", "/run/odid/faults", "--", "/usr/sbin/odid-daemon"],
+            "Entrypoint": ["/usr/sbin/odid-keeper", "--", "/usr/sbin/odid-daemon"],
             "Env": ["PATH=/usr/sbin:/usr/bin"],
             "Healthcheck": {"Test": ["CMD", "/usr/bin/odidctl", "status"], "Interval": 10_000_000_000,
                             "Timeout": 5_000_000_000, "StartPeriod": 15_000_000_000, "Retries": 3},

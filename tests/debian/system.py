@@ -28,10 +28,11 @@ PACKAGES = (
     "iw", "tcpdump",                # the judge's ear
 )
 NOT_NEEDED = ("man", "doc", "locale")
-# Its neighbours sleep until a test starts them, and never touch the judge's radios.
+# Its neighbours sleep until a test starts them; the judge's radios are none of the computer's.
 HOOK = """
 mkdir -p "$1/etc/NetworkManager/conf.d"
 printf '[keyfile]\\nunmanaged-devices+=interface-name:wlan1;interface-name:wlan2\\n' >"$1/etc/NetworkManager/conf.d/bench.conf"
+printf 'SUBSYSTEM=="net", KERNEL=="wlan[12]", ENV{SYSTEMD_WANTS}=""\\n' >"$1/etc/udev/rules.d/99-bench.rules"
 for unit in bluetooth NetworkManager NetworkManager-wait-online wpa_supplicant hostapd; do
     chroot "$1" systemctl disable $unit.service 2>/dev/null || true
 done

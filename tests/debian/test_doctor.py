@@ -28,7 +28,7 @@ HEALTHY = {
     "lib/systemd/system/odid-hostapd@.service": "[Service]\n",
     "etc/odid/odid.conf": "[basic_id]\nuas_id = SSRS5GBG01\n",
 }
-OF_ONES_OWN = "ctrl_interface=/run/hostapd\nctrl_interface_group=netdev\n"
+OF_ONES_OWN = "ctrl_interface=/run/hostapd\nctrl_interface_group=odid-hostapd\n"
 CONFIGURED = {"etc/odid/odid.conf": HEALTHY["etc/odid/odid.conf"] + "[broadcast]\nhostapd_dir = /run/hostapd\n"}
 NOBODY = "Nothing here is seen to disturb Remote ID.\n"
 
@@ -93,13 +93,13 @@ ILLNESSES = {
         "hostapd isn't running", "systemctl start odid-hostapd@wlan0", "/lib/systemd/system/odid-hostapd@.service"),
     "a hostapd of one's own without a socket": (
         {"etc/hostapd/hostapd.conf": "interface=wlan0\nctrl_interface_group=0\n"},
-        "no control socket", "ctrl_interface_group=netdev", "/etc/hostapd/hostapd.conf:2"),
+        "no control socket", "ctrl_interface_group=odid-hostapd", "/etc/hostapd/hostapd.conf:2"),
     "a hostapd of one's own whose folder isn't configured": (
         {"etc/hostapd/hostapd.conf": OF_ONES_OWN}, "no control socket", r"\[broadcast\] hostapd_dir = /run/hostapd",
         "/etc/hostapd/hostapd.conf:2"),
     "a hostapd of one's own that nobody gets at": (
-        {"etc/hostapd/hostapd.conf": OF_ONES_OWN.replace("netdev", "0"), **CONFIGURED}, "no control socket",
-        "ctrl_interface_group=netdev", "/etc/hostapd/hostapd.conf:2"),
+        {"etc/hostapd/hostapd.conf": OF_ONES_OWN.replace("odid-hostapd", "0"), **CONFIGURED}, "no control socket",
+        "ctrl_interface_group=odid-hostapd", "/etc/hostapd/hostapd.conf:2"),
     "a hostapd of one's own for another interface": (
         {"etc/hostapd/hostapd.conf": f"interface=wlan1\n{OF_ONES_OWN}", **CONFIGURED},
         "is for another interface than wlan0", "hostapd@INTERFACE.service", "/etc/hostapd/hostapd.conf:1"),

@@ -111,7 +111,7 @@ def test_the_configuration_is_the_example_without_what_nobody_reads(unpacked):
     assert sections(made) == sections(example) - LEFT_OUT
     assert set(made.splitlines()) - set(example.splitlines()) == {
         "# ---- The access point whose beacons carry Remote ID ---------------------------------------------",
-        "# A hostapd of your own: /run/hostapd, which it gives to the group netdev.",
+        "# A hostapd of your own: /run/hostapd, which it gives to the group odid-hostapd.",
         "; hostapd_dir = /run/odid-hostapd/control"}
     assert "appliance" not in made.lower()
     # Every key is a comment: as it comes it has what is so by default, and an aircraft without an identity.

@@ -102,6 +102,9 @@ def test_what_it_may_do(companion):
         status = dict(line.split(":", 1) for line in companion.must(f"cat /proc/{number}/status").splitlines())
         user = companion.must("id -u odid").strip()
         assert status["Uid"].split() == [user] * 4, name
+        netdev = companion.must("getent group netdev | cut -d : -f 3").strip()
+        assert netdev not in status["Groups"].split(), f"{name}: commands wpa_supplicant"
+        assert companion.run(f"nsenter -t {number} -m ls /run/dbus/system_bus_socket").code != 0, name
         assert int(status["CapPrm"], 16) == 0x3000 and int(status["CapBnd"], 16) == 0x3000, name
         assert int(companion.must(f"cut -d ')' -f 2 /proc/{number}/stat").split()[38]) == 1, f"{name}: not in real time"
         assert companion.run(f"nsenter -t {number} -m -S {user} -G {user} touch /var/tmp/x /etc/odid/x").code != 0
@@ -227,12 +230,14 @@ def test_upgraded_in_flight(companion, tmp_path):
     call("dpkg-deb", "--root-owner-group", "-b", folder, tmp_path / "next.deb")
     companion.put("/root/next.deb", (tmp_path / "next.deb").read_bytes())
     before = companion.must("pidof odid-keeper")
+    companion.must("gpasswd --add odid netdev")  # as an older version had it
 
     def upgrade(machine):
         machine.must("dpkg -i /root/next.deb >/root/log 2>&1")
     gap_s, channel = content_gap(companion, upgrade, 5)
     assert companion.must("pidof odid-keeper") != before
     patience.promise(f"an upgrade, on {channel}", gap_s, UPGRADE_S)
+    assert "netdev" not in companion.must("id -Gn odid").split()
     assert companion.must("cat /etc/odid/odid.conf") == CONFIG
 
 

@@ -51,7 +51,7 @@ static int change(const char *path, const char *sentence)
 
 int keeper_fault_say(const char *directory, const char *sentence)
 {
-    (void)mkdir(directory, 0755); /* a container has none yet; what else is wrong is said below */
+    (void)mkdir(directory, 0755); /* run by hand; what else is wrong is said below */
     return change(directory, sentence);
 }
 

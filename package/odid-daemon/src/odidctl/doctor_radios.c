@@ -67,8 +67,8 @@ static bool take_switch(void *context, const char *name)
     if (soft[0] == '1') {
         snprintf(where, sizeof(where), "/sys/class/rfkill/%.100s/soft", name);
         doctor_tell(doctor, where, 1,
-                    wifi ? "rfkill unblock wlan (and: is /dev/rfkill of the group netdev?)"
-                         : "rfkill unblock bluetooth (and: is /dev/rfkill of the group netdev?)",
+                    wifi ? "rfkill unblock wlan (and: is /dev/rfkill of the group odid?)"
+                         : "rfkill unblock bluetooth (and: is /dev/rfkill of the group odid?)",
                     "%s is switched off by software, and the daemon doesn't undo it.",
                     wifi ? "Wi-Fi" : "Bluetooth");
     }
@@ -173,10 +173,10 @@ static void judge_own_file(struct doctor *doctor, const char *path)
     snprintf(older, sizeof(older), "ctrl_interface=/var%s", doctor->config->hostapd_dir);
     if ((doctor_line_beginning(doctor, path, folder) == 0 &&
          doctor_line_beginning(doctor, path, older) == 0) ||
-        doctor_line_beginning(doctor, path, "ctrl_interface_group=netdev") == 0) {
+        doctor_line_beginning(doctor, path, "ctrl_interface_group=odid-hostapd") == 0) {
         doctor_tell(
             doctor, path, group,
-            "have there ctrl_interface=/run/hostapd and ctrl_interface_group=netdev, and in "
+            "have there ctrl_interface=/run/hostapd and ctrl_interface_group=odid-hostapd, and in "
             "odid.conf [broadcast] hostapd_dir = /run/hostapd",
             "Your own hostapd has no control socket that the daemon can use.");
     }
