@@ -28,7 +28,7 @@ struct aircraft *aircraft_init(const struct config *config, int64_t start_us)
     aircraft.telemetry.fix_us = aircraft.position_boot_us = INT64_MIN;
     aircraft.waiting_position.came_us = aircraft.waiting_time.came_us = INT64_MIN;
     aircraft.native.fix_us = aircraft.last.fix_us = INT64_MIN;
-    aircraft.native_location.said_us = INT64_MIN;
+    aircraft.native_location.said_us = aircraft.native_location.emergency_us = INT64_MIN;
     aircraft.native_rated_us = aircraft.native_behind_us = INT64_MIN;
     aircraft.telemetry_rate.last_us = aircraft.native_rate.last_us = INT64_MIN;
     for (enum aircraft_speaker i = 0; i < AIRCRAFT_SPEAKERS; i++) {
@@ -108,7 +108,7 @@ static void forget_before_restart(struct aircraft *aircraft)
     aircraft_forget_receivers(aircraft);
     aircraft->waiting_position.came_us = aircraft->waiting_time.came_us = INT64_MIN;
     aircraft->native_rated_us = INT64_MIN;
-    aircraft->native_location.said_us = INT64_MIN;
+    aircraft->native_location.said_us = aircraft->native_location.emergency_us = INT64_MIN;
     aircraft->landed_us = aircraft->in_air_us = aircraft->crashed_us = INT64_MIN;
     aircraft->landed_no_us = aircraft->lies_us = INT64_MIN;
     aircraft->landed_wrong = false;
@@ -197,7 +197,7 @@ static void take_heartbeat(struct aircraft *aircraft, const struct telemetry_upd
         aircraft->system_status = update->heartbeat.system_status;
     }
     aircraft->said_status = update->heartbeat.system_status;
-    aircraft_look_for_takeoff(aircraft, now_us);
+    aircraft_look_for_takeoff(aircraft, aircraft_is_on_ground(aircraft, now_us), now_us);
 }
 
 /* Its HEARTBEATs may be lost, or kept from us: an old "disarmed" doesn't stand in the air. */
@@ -268,6 +268,12 @@ static void take_basic_id(struct aircraft *aircraft, const struct telemetry_upda
     if (slot < 0) {
         return;
     }
+    if (!aircraft_is_heard(aircraft, GROUND_BASIC_ID, update, false, now_us)) {
+        if (strcmp(aircraft->native_basic_id[slot].uas_id, update->basic_id.uas_id) != 0) {
+            aircraft->ids_differ_us = now_us;
+        }
+        return;
+    }
     native = &aircraft->native_basic_id[slot];
     aircraft->basic_id_by_another[slot] = update->by_another;
     memcpy(native, &update->basic_id, sizeof(update->basic_id));
@@ -329,7 +335,7 @@ static void take_authentication(struct aircraft *aircraft, const struct telemetr
 static void use_position(struct aircraft *aircraft, int64_t now_us)
 {
     aircraft_compare_altitudes(aircraft, now_us);
-    aircraft_look_for_takeoff(aircraft, now_us);
+    aircraft_look_for_takeoff(aircraft, aircraft_is_on_ground(aircraft, now_us), now_us);
 }
 
 static void take_global_position(struct aircraft *aircraft, const struct telemetry_update *update,
@@ -389,7 +395,7 @@ static void take_landed_state(struct aircraft *aircraft, uint8_t landed_state, i
         landed_state == MAV_LANDED_STATE_LANDING) {
         aircraft->in_air_us = now_us;
     }
-    aircraft_look_for_takeoff(aircraft, now_us);
+    aircraft_look_for_takeoff(aircraft, aircraft_is_on_ground(aircraft, now_us), now_us);
 }
 
 void aircraft_update(struct aircraft *aircraft, const struct telemetry_update *update,

@@ -110,6 +110,7 @@ struct aircraft_condition {
     bool fix_known;           /* the autopilot's, within the last 3 s */
     bool apart;               /* its position isn't where its GNSS receiver is, and doesn't count */
     bool simulated;           /* HEARTBEAT says hardware in the loop */
+    bool receivers_differ;    /* both of its receivers have a fix, in two places */
     bool altitude_apart;      /* its altitude isn't its receiver's, and doesn't count */
     bool altitudes_differ;    /* native LOCATION's isn't its receiver's: telemetry's goes out */
     bool landed_state_wrong;  /* it contradicts what the aircraft does, and doesn't count */
@@ -119,8 +120,10 @@ struct aircraft_condition {
     uint8_t said_mav_type; /* HEARTBEAT's; in flight mav_type stays that of before */
     unsigned autopilot_restarts;
     double position_rate_hz; /* new positions a second of the source that speaks; NAN unknown */
-    uint8_t basic_id_conflict, operator_id_conflict; /* native differs from configured: 1 */
-    bool operator_ids_differ, descriptions_differ;   /* vehicle's and ground station's */
+    uint8_t basic_id_conflict, operator_id_conflict;    /* native differs from configured: 1 */
+    bool description_conflict, classification_conflict; /* likewise */
+    bool operator_ids_differ, descriptions_differ;      /* vehicle's and ground station's */
+    bool basic_ids_differ;                              /* two ground stations' */
 };
 
 struct aircraft; /* one per daemon */

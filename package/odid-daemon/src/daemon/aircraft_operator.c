@@ -28,14 +28,14 @@ void aircraft_forget_speaker(struct aircraft *aircraft, enum aircraft_speaker sp
     memset(&aircraft->system[speaker], 0, sizeof(aircraft->system[speaker]));
     aircraft->description[speaker].said_us = INT64_MIN;
     aircraft->operator_number[speaker].said_us = INT64_MIN;
-    aircraft->system[speaker].said_us = INT64_MIN;
+    aircraft->system[speaker].said_us = aircraft->system[speaker].jumped_us = INT64_MIN;
     /* Until a SYSTEM says otherwise: who sends updates has an operator who moves. */
     aircraft->system[speaker].operator_location_type = MAV_ODID_OPERATOR_LOCATION_TYPE_LIVE_GNSS;
     if (speaker == AIRCRAFT_SPEAKER_GROUND) {
         for (enum aircraft_ground i = 0; i < AIRCRAFT_GROUNDS; i++) {
             aircraft->ground[i].said_us = INT64_MIN;
         }
-        aircraft->grounds_differ_us = aircraft->ground_jumped_us = INT64_MIN;
+        aircraft->grounds_differ_us = aircraft->ids_differ_us = INT64_MIN;
     }
 }
 
@@ -188,6 +188,14 @@ static bool is_elsewhere(const struct aircraft_native_system *system, double lat
                             longitude_deg) > SAME_PLACE_M;
 }
 
+bool aircraft_takeoff_contradicts(const struct aircraft *aircraft,
+                                  const struct aircraft_native_system *system)
+{
+    return system->operator_location_type == MAV_ODID_OPERATOR_LOCATION_TYPE_TAKEOFF &&
+           aircraft->takeoff.known && !aircraft->takeoff_is_home &&
+           is_elsewhere(system, aircraft->takeoff.latitude_deg, aircraft->takeoff.longitude_deg);
+}
+
 bool aircraft_operators_differ(const struct aircraft *aircraft, int64_t now_us)
 {
     const struct aircraft_native_system *a = &aircraft->system[AIRCRAFT_SPEAKER_VEHICLE];
@@ -195,6 +203,8 @@ bool aircraft_operators_differ(const struct aircraft *aircraft, int64_t now_us)
 
     return (place_said(a, now_us) && place_said(b, now_us) &&
             is_elsewhere(a, b->latitude_deg, b->longitude_deg)) ||
+           (aircraft_operator_told(aircraft, now_us) &&
+            aircraft_takeoff_contradicts(aircraft, aircraft_system_said(aircraft, now_us))) ||
            aircraft_still_said(aircraft->grounds_differ_us, now_us);
 }
 
@@ -214,18 +224,19 @@ static void take_static_fields(struct aircraft_native_system *system,
     system->area_floor_m = update->system.area_floor_m;
 }
 
-/* Two with the same ids, as two QGroundControls have them, take turns. */
-static void watch_jumps(struct aircraft *aircraft, const struct aircraft_native_system *system,
+/* Two with the same ids, as two QGroundControls have them, take turns; or an autopilot passes on
+ * what each of two says. */
+static void watch_jumps(struct aircraft *aircraft, struct aircraft_native_system *system,
                         const struct telemetry_update *update, int64_t now_us)
 {
     bool jumps =
         place_said(system, now_us) && is_elsewhere(system, update->system.operator_latitude_deg,
                                                    update->system.operator_longitude_deg);
 
-    if (jumps && aircraft_still_said(aircraft->ground_jumped_us, now_us)) {
+    if (jumps && aircraft_still_said(system->jumped_us, now_us)) {
         aircraft->grounds_differ_us = now_us;
     }
-    aircraft->ground_jumped_us = jumps ? now_us : aircraft->ground_jumped_us;
+    system->jumped_us = jumps ? now_us : system->jumped_us;
 }
 
 void aircraft_take_system(struct aircraft *aircraft, const struct telemetry_update *update,
@@ -248,7 +259,7 @@ void aircraft_take_system(struct aircraft *aircraft, const struct telemetry_upda
         }
         return;
     }
-    if (known && update->by_another) {
+    if (known) {
         watch_jumps(aircraft, system, update, now_us);
     }
     if (update->kind == TELEMETRY_SYSTEM) {

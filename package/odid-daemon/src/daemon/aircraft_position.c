@@ -28,6 +28,10 @@
 /* Telemetry that lies behind the native LOCATION by more was lost on the way. */
 #define LOST_US 1000000
 
+/* What stands still may do so but for its last digits. */
+#define STILL_M 2.0
+#define STILL_HIGH_M 0.2
+
 /* Messages come in bursts, GPS_RAW_INT anywhere among them: it confirms what came so shortly
  * before. */
 #define CONFIRMED_WITHIN_US 1000000
@@ -160,8 +164,11 @@ static void count_position(struct aircraft_rate *rate, int64_t now_us)
 static void move_to(const struct aircraft *aircraft, struct aircraft_fix *fix, double latitude_deg,
                     double longitude_deg, int64_t now_us)
 {
-    if (fix->latitude_deg != latitude_deg || fix->longitude_deg != longitude_deg) {
+    if (earth_distance_m(fix->moved_latitude_deg, fix->moved_longitude_deg, latitude_deg,
+                         longitude_deg) > STILL_M) {
         fix->moved_us = now_us;
+        fix->moved_latitude_deg = latitude_deg;
+        fix->moved_longitude_deg = longitude_deg;
         if (aircraft_receiver(aircraft, now_us) == NULL) {
             fix->apart.since_us = fix->high.since_us =
                 INT64_MIN; /* no receiver contradicts this one */
@@ -169,6 +176,14 @@ static void move_to(const struct aircraft *aircraft, struct aircraft_fix *fix, d
     }
     fix->latitude_deg = latitude_deg;
     fix->longitude_deg = longitude_deg;
+}
+
+static void climb_to(struct aircraft_fix *fix, double altitude_m, int64_t now_us)
+{
+    if (!(fabs(altitude_m - fix->climbed_m) <= STILL_HIGH_M)) {
+        fix->climbed_us = now_us;
+        fix->climbed_m = altitude_m;
+    }
 }
 
 /* ---- plain telemetry ---- */
@@ -199,9 +214,7 @@ bool aircraft_confirm_position(struct aircraft *aircraft, int64_t now_us)
     fix->fix_us = waiting->stamped_us;
     move_to(aircraft, fix, update->global_position.latitude_deg,
             update->global_position.longitude_deg, now_us);
-    if (fix->altitude_msl_m != update->global_position.altitude_msl_m) {
-        fix->climbed_us = now_us;
-    }
+    climb_to(fix, update->global_position.altitude_msl_m, now_us);
     fix->altitude_msl_m = update->global_position.altitude_msl_m;
     fix->relative_altitude_m = update->global_position.relative_altitude_m;
     fix->north_mps = update->global_position.north_mps;
@@ -319,6 +332,20 @@ static void correct_px4(struct aircraft *aircraft, struct aircraft_native_locati
     }
 }
 
+/* Of one that has lost its time, or lies there and says the same again and again, it counts, too.
+ */
+static void take_emergency(struct aircraft_native_location *native, uint8_t status, int64_t now_us)
+{
+    if (status != AIRCRAFT_EMERGENCY) {
+        native->emergency_us = INT64_MIN;
+        return;
+    }
+    if (!aircraft_fresh(native->emergency_us, now_us)) {
+        native->emergency_since_us = now_us;
+    }
+    native->emergency_us = now_us;
+}
+
 bool aircraft_take_location(struct aircraft *aircraft, const struct telemetry_update *update,
                             int64_t now_us)
 {
@@ -326,6 +353,7 @@ bool aircraft_take_location(struct aircraft *aircraft, const struct telemetry_up
     int64_t instant_us = now_us;
     bool instant_known;
 
+    take_emergency(native, update->location.status, now_us);
     if (!native_moved(aircraft, update)) {
         return false;
     }
@@ -347,9 +375,7 @@ bool aircraft_take_location(struct aircraft *aircraft, const struct telemetry_up
     if (!counts(aircraft, update->location.latitude_deg, update->location.longitude_deg, now_us)) {
         return false;
     }
-    if (native->counted.location.altitude_geodetic_m != update->location.altitude_geodetic_m) {
-        aircraft->native.climbed_us = now_us;
-    }
+    climb_to(&aircraft->native, update->location.altitude_geodetic_m, now_us);
     native->counted = *update;
     native->instant_known = instant_known;
     native->altitude_geodetic_m = update->location.altitude_geodetic_m;

@@ -2,6 +2,7 @@
  * that receiver is? */
 #include <common/mavlink.h>
 #include <math.h>
+#include <stdlib.h>
 
 #include "base/earth.h"
 #include "daemon/aircraft_state.h"
@@ -66,6 +67,7 @@ void aircraft_forget_receivers(struct aircraft *aircraft)
             INT64_MIN;
     }
     aircraft->no_fix_us = INT64_MIN;
+    aircraft->receivers = (struct aircraft_apart){.since_us = INT64_MIN};
     forget_contradicted(&aircraft->telemetry);
     forget_contradicted(&aircraft->native);
 }
@@ -134,18 +136,22 @@ static bool another_is_near(const struct aircraft *aircraft, unsigned which, int
     return false;
 }
 
+static double accuracy_m(const struct aircraft_receiver *receiver)
+{
+    return isnan(receiver->horizontal_accuracy_m) ? ACCURACY_UNKNOWN_M
+                                                  : receiver->horizontal_accuracy_m;
+}
+
 static void compare(struct aircraft *aircraft, struct aircraft_receiver *receiver, unsigned which,
                     double speed_mps, int64_t now_us)
 {
     struct aircraft_fix *fix = which == NATIVE ? &aircraft->native : &aircraft->telemetry;
-    double accuracy_m = isnan(receiver->horizontal_accuracy_m) ? ACCURACY_UNKNOWN_M
-                                                               : receiver->horizontal_accuracy_m;
     double limit_m;
 
     if (!aircraft_fresh(fix->fix_us, now_us) || isnan(receiver->latitude_deg)) {
         return;
     }
-    limit_m = APART_M + 2 * accuracy_m +
+    limit_m = APART_M + 2 * accuracy_m(receiver) +
               speed_mps * (DELAY_S + fabs((double)(now_us - fix->fix_us)) * 1e-6);
     if (earth_distance_m(receiver->latitude_deg, receiver->longitude_deg, fix->latitude_deg,
                          fix->longitude_deg) <= limit_m) {
@@ -157,6 +163,40 @@ static void compare(struct aircraft *aircraft, struct aircraft_receiver *receive
     if (!another_is_near(aircraft, which, now_us)) {
         is_now_apart(&fix->apart, now_us);
     }
+}
+
+static bool both_have_a_fix(const struct aircraft *aircraft, int64_t now_us)
+{
+    for (unsigned i = 0; i < AIRCRAFT_RECEIVERS; i++) {
+        const struct aircraft_receiver *receiver = &aircraft->receiver[i];
+
+        if (!aircraft_fresh(receiver->said_us, now_us) || isnan(receiver->latitude_deg) ||
+            receiver->fix_type < GPS_FIX_TYPE_3D_FIX) {
+            return false;
+        }
+    }
+    return true;
+}
+
+/* Each says so once a second, and not at once. */
+static void compare_receivers(struct aircraft *aircraft, double speed_mps, int64_t now_us)
+{
+    const struct aircraft_receiver *a = &aircraft->receiver[0], *b = &aircraft->receiver[1];
+    double limit_m = APART_M + 2 * (accuracy_m(a) + accuracy_m(b)) + speed_mps * 2 * DELAY_S;
+
+    if (both_have_a_fix(aircraft, now_us) &&
+        earth_distance_m(a->latitude_deg, a->longitude_deg, b->latitude_deg, b->longitude_deg) >
+            limit_m + speed_mps * (double)llabs(a->said_us - b->said_us) * 1e-6) {
+        is_now_apart(&aircraft->receivers, now_us);
+    } else {
+        is_now_near(&aircraft->receivers, now_us);
+    }
+}
+
+bool aircraft_receivers_differ(const struct aircraft *aircraft, int64_t now_us)
+{
+    return both_have_a_fix(aircraft, now_us) && aircraft->receivers.since_us != INT64_MIN &&
+           now_us - aircraft->receivers.since_us >= APART_US;
 }
 
 static double or_zero(double value)
@@ -247,6 +287,7 @@ void aircraft_take_gps_raw(struct aircraft *aircraft, const struct telemetry_upd
     struct aircraft_receiver *receiver =
         &aircraft->receiver[update->kind == TELEMETRY_GPS2_RAW ? 1 : 0];
     double native_mps = aircraft->native_location.received.location.speed_mps;
+    double speed_mps = hypot(aircraft->telemetry.north_mps, aircraft->telemetry.east_mps);
 
     if (is_repeated(receiver, update)) {
         return;
@@ -267,11 +308,11 @@ void aircraft_take_gps_raw(struct aircraft *aircraft, const struct telemetry_upd
         aircraft->no_fix_us = aircraft->no_fix_us == INT64_MIN ? now_us : aircraft->no_fix_us;
         aircraft->waiting_position.came_us = aircraft->waiting_time.came_us = INT64_MIN;
     }
+    compare_receivers(aircraft, speed_mps, now_us);
     if (receiver->fix_type < GPS_FIX_TYPE_2D_FIX) {
         return;
     }
-    compare(aircraft, receiver, TELEMETRY,
-            hypot(aircraft->telemetry.north_mps, aircraft->telemetry.east_mps), now_us);
+    compare(aircraft, receiver, TELEMETRY, speed_mps, now_us);
     compare(aircraft, receiver, NATIVE, isnan(native_mps) ? 0 : native_mps, now_us);
     if (receiver->fix_type < GPS_FIX_TYPE_3D_FIX) {
         forget_heights(aircraft, receiver, now_us);

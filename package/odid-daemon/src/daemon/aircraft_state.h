@@ -34,9 +34,11 @@ struct aircraft_fix {
     double latitude_deg, longitude_deg;
     double altitude_msl_m, relative_altitude_m;     /* plain telemetry only */
     double north_mps, east_mps, vertical_speed_mps; /* plain telemetry only */
-    int64_t moved_us; /* when the place was another one than before, last */
+    int64_t moved_us; /* when it was last elsewhere than before, which is there: */
+    double moved_latitude_deg, moved_longitude_deg;
     struct aircraft_apart apart;
-    int64_t climbed_us;         /* the same of its altitude, ... */
+    int64_t climbed_us; /* the same of its altitude, ... */
+    double climbed_m;
     struct aircraft_apart high; /* ... which isn't its receiver's */
 };
 
@@ -64,11 +66,13 @@ struct aircraft_rate {
 };
 
 struct aircraft_native_location {
-    int64_t since_us;                 /* it comes without a break */
-    int64_t said_us;                  /* its own instant, on our clock; INT64_MIN: never */
-    struct telemetry_update received; /* its location, as it came */
-    struct telemetry_update counted;  /* the one whose position is native.fix_us's */
-    unsigned statuses;                /* so many in a row have said the same status */
+    int64_t since_us;                         /* it comes without a break */
+    int64_t said_us;                          /* its own instant, on our clock; INT64_MIN: never */
+    struct telemetry_update received;         /* its location, as it came */
+    struct telemetry_update counted;          /* the one whose position is native.fix_us's */
+    unsigned statuses;                        /* so many in a row have said the same status */
+    int64_t emergency_since_us, emergency_us; /* emergency is said, whatever its place and time are:
+                                                 without a break, and last; INT64_MIN: it isn't */
     double timestamp_s;
     bool instant_known; /* of the one that counted: its timestamp could be laid on our clock */
     double altitude_geodetic_m, altitude_barometric_m; /* corrected for the sender's habits */
@@ -83,6 +87,7 @@ enum aircraft_ground {
     GROUND_OPERATOR_ID,
     GROUND_SYSTEM,
     GROUND_AUTHENTICATION,
+    GROUND_BASIC_ID,
     AIRCRAFT_GROUNDS
 };
 
@@ -104,8 +109,9 @@ struct aircraft_operator_number {
 };
 
 struct aircraft_native_system {
-    int64_t said_us; /* when its timestamp moved last; INT64_MIN: never */
-    bool known;      /* not the operator's place only */
+    int64_t said_us;   /* when its timestamp moved last; INT64_MIN: never */
+    int64_t jumped_us; /* when its place was another one than just before, last; INT64_MIN */
+    bool known;        /* not the operator's place only */
     uint8_t operator_location_type, classification_type, category_eu, class_eu;
     double latitude_deg, longitude_deg, altitude_m;
     uint16_t area_count, area_radius_m;
@@ -161,6 +167,7 @@ struct aircraft {
     int64_t position_boot_us;              /* its own timestamp, not wrapped, ... */
     unsigned position_boot;                /* ... since which start of the autopilot */
     struct aircraft_receiver receiver[AIRCRAFT_RECEIVERS];
+    struct aircraft_apart receivers; /* of each other */
     int64_t no_fix_us;   /* since when they say that there is none; INT64_MIN: they don't */
     double separation_m; /* ellipsoid height minus height above mean sea level; NAN unknown */
 
@@ -186,8 +193,8 @@ struct aircraft {
     struct aircraft_native_system system[AIRCRAFT_SPEAKERS];
     enum aircraft_speaker system_speaker; /* whose counts */
     struct aircraft_ground_speaker ground[AIRCRAFT_GROUNDS];
-    int64_t grounds_differ_us; /* when another one on the ground said another place, last */
-    int64_t ground_jumped_us;  /* when the one that is heard did */
+    int64_t grounds_differ_us; /* when another one on the ground said another place, last, ... */
+    int64_t ids_differ_us;     /* ... and another identity */
 };
 
 /* ---- aircraft_position.c ---- */
@@ -239,6 +246,8 @@ void aircraft_forget_receivers(struct aircraft *aircraft);
  * NULL: none has. */
 const struct aircraft_receiver *aircraft_receiver(const struct aircraft *aircraft, int64_t now_us);
 /* Does any of them say anything, if only that it has none? */
+/* Do both have a fix, and not in the same place, for long? */
+bool aircraft_receivers_differ(const struct aircraft *aircraft, int64_t now_us);
 bool aircraft_receivers_heard(const struct aircraft *aircraft, int64_t now_us);
 /* Was one of them heard, since the autopilot's start, and says nothing for 3 s now? */
 bool aircraft_receiver_fell_silent(const struct aircraft *aircraft, int64_t now_us);
@@ -253,8 +262,8 @@ bool aircraft_altitude_is_apart(const struct aircraft_fix *fix, int64_t now_us);
 /* HEARTBEATs begin to say armed; arming_seen: and said disarmed until now. */
 void aircraft_begin_flight(struct aircraft *aircraft, bool arming_seen, int64_t now_us);
 
-/* Something came that may tell where it takes off. */
-void aircraft_look_for_takeoff(struct aircraft *aircraft, int64_t now_us);
+/* Something came that may tell where it takes off; on_ground: aircraft_is_on_ground. */
+void aircraft_look_for_takeoff(struct aircraft *aircraft, bool on_ground, int64_t now_us);
 
 void aircraft_take_home(struct aircraft *aircraft, const struct telemetry_update *update);
 
@@ -298,6 +307,9 @@ const struct aircraft_native_system *aircraft_system_said(const struct aircraft 
                                                           int64_t now_us);
 /* Does it say an operator's place? */
 bool aircraft_operator_told(const struct aircraft *aircraft, int64_t now_us);
+/* It says "take-off", and not where this flight took off: a home that was moved. */
+bool aircraft_takeoff_contradicts(const struct aircraft *aircraft,
+                                  const struct aircraft_native_system *system);
 /* Do two say one, and not the same? */
 bool aircraft_operators_differ(const struct aircraft *aircraft, int64_t now_us);
 
@@ -305,6 +317,8 @@ bool aircraft_operators_differ(const struct aircraft *aircraft, int64_t now_us);
 
 /* Only what is known: a landed state, else how it moves, and how high. */
 bool aircraft_is_flying(const struct aircraft *aircraft, int64_t now_us);
+/* Its landed state says so, and nothing else that it does contradicts that. */
+bool aircraft_is_on_ground(const struct aircraft *aircraft, int64_t now_us);
 bool aircraft_is_emergency(const struct aircraft *aircraft, int64_t now_us);
 
 /* With each HEARTBEAT: does what the aircraft does contradict what is said of it? */

@@ -7,7 +7,8 @@
 /* What moves faster than a vehicle that rolls out, or a boat with it aboard that rolls, flies. */
 #define FLYING_MPS 8.0
 #define FLYING_VERTICAL_MPS 2.5
-/* What climbs or sinks so high above its take-off point flies, whatever its landed state says:
+/* What climbs or sinks so high above its take-off point, or below it, flies, whatever its landed
+ * state says:
  * ArduCopter's is "on ground" as soon as it is disarmed, under a parachute, too. */
 #define HIGH_M 15.0
 #define HIGH_VERTICAL_MPS 1.5
@@ -19,6 +20,8 @@
 #define LIES_US 30000000
 #define RESTS_MPS 1.0
 #define RESTS_VERTICAL_MPS 0.5
+/* What comes sooner is the same message, twice. */
+#define ANOTHER_WORD_US 100000
 
 /* The greater of what the sources say that are fresh; NAN: none does. */
 static double fastest(bool native_fresh, double native, bool telemetry_fresh, double telemetry)
@@ -51,26 +54,29 @@ static double native_height_m(const struct aircraft *aircraft)
 }
 
 /* Above the point of this flight's take-off, by telemetry or, where that doesn't say it, by the
- * native LOCATION; NAN: unknown. */
+ * native LOCATION; where nobody knows that point above home, which may be moved in flight, but
+ * rarely to right under it. NAN: unknown. */
 static double height_m(const struct aircraft *aircraft, int64_t now_us)
 {
-    double telemetry_m;
+    bool telemetry = aircraft_fresh(aircraft->telemetry.fix_us, now_us) &&
+                     !aircraft_altitude_is_apart(&aircraft->telemetry, now_us);
+    double height_m = NAN;
 
     if (!aircraft->armed) {
         return NAN;
     }
-    /* Armed: above the take-off point, or unknown. */
-    telemetry_m = aircraft_fresh(aircraft->telemetry.fix_us, now_us) &&
-                          !aircraft_altitude_is_apart(&aircraft->telemetry, now_us)
-                      ? aircraft_height_m(aircraft)
-                      : NAN;
-    return isnan(telemetry_m) && aircraft_native_fresh(aircraft, now_us) ? native_height_m(aircraft)
-                                                                         : telemetry_m;
+    if (telemetry) {
+        height_m = aircraft_height_m(aircraft);
+    }
+    if (isnan(height_m) && aircraft_native_fresh(aircraft, now_us)) {
+        height_m = native_height_m(aircraft);
+    }
+    return isnan(height_m) && telemetry ? aircraft->telemetry.relative_altitude_m : height_m;
 }
 
 static bool is_high(const struct aircraft *aircraft, int64_t now_us)
 {
-    return height_m(aircraft, now_us) > HIGH_M &&
+    return fabs(height_m(aircraft, now_us)) > HIGH_M &&
            vertical_mps(aircraft, now_us) > HIGH_VERTICAL_MPS;
 }
 
@@ -87,8 +93,8 @@ void aircraft_watch_landed_state(struct aircraft *aircraft, int64_t now_us)
     double speed = speed_mps(aircraft, now_us);
     bool lies = aircraft->says_disarmed && !(height > HIGH_M) && speed < RESTS_MPS &&
                 vertical < RESTS_VERTICAL_MPS;
-    bool flies =
-        aircraft->armed && height > HIGH_M && (speed > MOVES_MPS || vertical > MOVES_VERTICAL_MPS);
+    bool flies = aircraft->armed && fabs(height) > HIGH_M &&
+                 (speed > MOVES_MPS || vertical > MOVES_VERTICAL_MPS);
     bool on_ground = aircraft->landed_state == MAV_LANDED_STATE_ON_GROUND;
     int64_t limit_us = on_ground ? FLIES_US : LIES_US;
 
@@ -121,6 +127,14 @@ bool aircraft_is_flying(const struct aircraft *aircraft, int64_t now_us)
            vertical_mps(aircraft, now_us) > FLYING_VERTICAL_MPS;
 }
 
+/* However fast: before it lifts off it rolls. */
+bool aircraft_is_on_ground(const struct aircraft *aircraft, int64_t now_us)
+{
+    return landed_state(aircraft, now_us) == MAV_LANDED_STATE_ON_GROUND &&
+           !aircraft_is_flying(aircraft, now_us) &&
+           !(fabs(aircraft->telemetry.relative_altitude_m) > HIGH_M);
+}
+
 /*
  * MAV_STATE_CRITICAL is none: ArduPilot says it for any failsafe, a radio that
  * is out of range among them, and goes on to navigate. Disarmed high above
@@ -131,12 +145,14 @@ bool aircraft_is_emergency(const struct aircraft *aircraft, int64_t now_us)
     if (aircraft_emergency_said(aircraft, now_us) != NULL) {
         return true;
     }
+    if (aircraft->says_disarmed && aircraft->crashed_us != INT64_MIN) {
+        return true; /* also where its autopilot dies of it */
+    }
     if (!aircraft_fresh(aircraft->heartbeat_us, now_us)) {
         return false;
     }
     return aircraft->system_status == MAV_STATE_EMERGENCY ||
            aircraft->system_status == MAV_STATE_FLIGHT_TERMINATION ||
-           (aircraft->says_disarmed && aircraft->crashed_us != INT64_MIN) ||
            (aircraft->says_disarmed && is_high(aircraft, now_us));
 }
 
@@ -170,15 +186,26 @@ static bool native_is_contradicted(const struct aircraft *aircraft, uint8_t nati
                                      : native == AIRCRAFT_AIRBORNE && lies;
 }
 
+static bool native_is_doubtful(const struct aircraft *aircraft, int64_t now_us)
+{
+    return aircraft->doubtful && aircraft_best_fix(aircraft, now_us) != &aircraft->native;
+}
+
 /* Said again and again, as a position is: a single LOCATION beside telemetry changes nothing, and
  * while two sources speak only that of the position that counts. */
 static bool native_status_counts(const struct aircraft *aircraft, int64_t now_us)
 {
-    if (aircraft->doubtful && aircraft_best_fix(aircraft, now_us) != &aircraft->native) {
-        return false;
-    }
-    return aircraft_native_fresh(aircraft, now_us) &&
+    return !native_is_doubtful(aircraft, now_us) && aircraft_native_fresh(aircraft, now_us) &&
            (aircraft->native_location.statuses >= 2 ||
+            !aircraft_fresh(aircraft->heartbeat_us, now_us));
+}
+
+static bool native_emergency(const struct aircraft *aircraft, int64_t now_us)
+{
+    const struct aircraft_native_location *native = &aircraft->native_location;
+
+    return !native_is_doubtful(aircraft, now_us) && aircraft_fresh(native->emergency_us, now_us) &&
+           (native->emergency_us - native->emergency_since_us >= ANOTHER_WORD_US ||
             !aircraft_fresh(aircraft->heartbeat_us, now_us));
 }
 
@@ -194,8 +221,11 @@ void aircraft_view_status(const struct aircraft *aircraft, int64_t now_us,
     /* An emergency counts from whichever source says so. */
     if (aircraft_is_emergency(aircraft, now_us)) {
         out->status = AIRCRAFT_EMERGENCY;
+    } else if (native_emergency(aircraft, now_us)) {
+        out->status = AIRCRAFT_EMERGENCY;
+        out->status_source = SOURCE_NATIVE;
     } else if (native_status_counts(aircraft, now_us) && native != AIRCRAFT_UNDECLARED &&
-               native <= AIRCRAFT_REMOTE_ID_FAILURE &&
+               native != AIRCRAFT_EMERGENCY && native <= AIRCRAFT_REMOTE_ID_FAILURE &&
                !native_is_contradicted(aircraft, native, now_us)) {
         out->status = native;
         out->status_source = SOURCE_NATIVE;

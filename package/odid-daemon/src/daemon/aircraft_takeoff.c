@@ -1,5 +1,4 @@
 /* The take-off point: where it was armed, or what stands in for that; and home. */
-#include <common/mavlink.h>
 #include <math.h>
 #include <string.h>
 
@@ -33,13 +32,7 @@ static void let_home_stand_in(struct aircraft *aircraft)
     aircraft->takeoff_is_home = true;
 }
 
-static bool is_on_ground(const struct aircraft *aircraft, int64_t now_us)
-{
-    return aircraft_fresh(aircraft->landed_us, now_us) &&
-           aircraft->landed_state == MAV_LANDED_STATE_ON_GROUND;
-}
-
-void aircraft_look_for_takeoff(struct aircraft *aircraft, int64_t now_us)
+void aircraft_look_for_takeoff(struct aircraft *aircraft, bool on_ground, int64_t now_us)
 {
     const struct aircraft_fix *fix = aircraft_best_fix(aircraft, now_us);
     bool soon = now_us - aircraft->armed_us < TAKEOFF_WAIT_US;
@@ -47,7 +40,7 @@ void aircraft_look_for_takeoff(struct aircraft *aircraft, int64_t now_us)
     if (!aircraft->takeoff_pending) {
         return;
     }
-    if (!soon && !is_on_ground(aircraft, now_us)) {
+    if (!soon && !on_ground) {
         aircraft->takeoff_pending = false;
         let_home_stand_in(aircraft);
     } else if (fix != NULL) {

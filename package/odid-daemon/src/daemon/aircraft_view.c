@@ -164,7 +164,8 @@ static void view_operator(const struct aircraft *aircraft, int64_t now_us,
     out->operator_location_type = config->operator_location_type;
     out->operator_latitude_deg = out->operator_longitude_deg = NAN;
     out->operator_altitude_m = NAN;
-    if (aircraft_operator_told(aircraft, now_us)) {
+    if (aircraft_operator_told(aircraft, now_us) &&
+        !aircraft_takeoff_contradicts(aircraft, native)) {
         out->operator_source = SOURCE_NATIVE;
         out->operator_location_type = native->operator_location_type;
         out->operator_latitude_deg = native->latitude_deg;
@@ -276,6 +277,29 @@ static bool descriptions_differ(const struct aircraft *aircraft, int64_t now_us)
            texts_differ(vehicle->text, ground->text);
 }
 
+/* Of an emergency nothing is configured. */
+static bool description_conflict(const struct aircraft *aircraft, int64_t now_us)
+{
+    const struct aircraft_description *said = aircraft_description_said(aircraft, now_us);
+
+    return said != NULL && said->type != ODID_DESC_TYPE_EMERGENCY &&
+           aircraft_still_said(said->said_us, now_us) &&
+           texts_differ(aircraft->config->description, said->text);
+}
+
+/* Who leaves a field undeclared claims nothing. */
+static bool classification_conflict(const struct aircraft *aircraft, int64_t now_us)
+{
+    const struct aircraft_native_system *said = aircraft_system_said(aircraft, now_us);
+    const struct config *own = aircraft->config;
+
+    return own->classification_set && said->known &&
+           said->classification_type == ODID_CLASSIFICATION_TYPE_EU &&
+           ((said->category_eu != ODID_CATEGORY_EU_UNDECLARED &&
+             said->category_eu != own->category) ||
+            (said->class_eu != ODID_CLASS_EU_UNDECLARED && said->class_eu != own->class_eu));
+}
+
 void aircraft_condition(const struct aircraft *aircraft, int64_t now_us,
                         struct aircraft_condition *condition)
 {
@@ -306,6 +330,7 @@ void aircraft_condition(const struct aircraft *aircraft, int64_t now_us,
     condition->fix_known = aircraft_fix_known(aircraft, now_us);
     condition->apart = aircraft_is_apart(&aircraft->telemetry, now_us) ||
                        aircraft_is_apart(&aircraft->native, now_us);
+    condition->receivers_differ = aircraft_receivers_differ(aircraft, now_us);
     condition->altitude_apart = aircraft_altitude_is_apart(&aircraft->telemetry, now_us) ||
                                 aircraft_altitude_is_apart(&aircraft->native, now_us);
     condition->altitudes_differ = aircraft_altitudes_differ(aircraft, now_us);
@@ -315,9 +340,12 @@ void aircraft_condition(const struct aircraft *aircraft, int64_t now_us,
                                       ? aircraft_system_said(aircraft, now_us)->ahead_s
                                       : 0;
     condition->operators_differ = aircraft_operators_differ(aircraft, now_us);
+    condition->basic_ids_differ = aircraft_still_said(aircraft->ids_differ_us, now_us);
     condition->basic_id_conflict = basic_id_conflict(aircraft);
     condition->operator_id_conflict = config->operator_id[0] != '\0' && said->number[0] != '\0' &&
                                       strcmp(config->operator_id, said->number) != 0;
+    condition->description_conflict = description_conflict(aircraft, now_us);
+    condition->classification_conflict = classification_conflict(aircraft, now_us);
     condition->operator_ids_differ =
         config->operator_id[0] == '\0' && operator_ids_differ(aircraft, now_us);
     condition->descriptions_differ =

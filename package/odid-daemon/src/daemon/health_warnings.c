@@ -224,11 +224,30 @@ static void judge_conflicts(struct health *health, const struct aircraft_conditi
             "or set [self_id] description.",
             "two tell the description");
     }
+    if (condition->basic_ids_differ) {
+        WARNING(
+            "basic-ids-differ",
+            "Who spoke first is broadcast. Let one ground station send BASIC_ID, or set [basic_id] "
+            "uas_id.",
+            "two tell the Basic ID");
+    }
     if (condition->basic_id_conflict) {
         WARNING("basic-id-conflict",
                 "The configured one is broadcast. Make the ground station's the same, or leave it "
                 "empty there.",
                 "autopilot sends another Basic ID");
+    }
+    if (condition->description_conflict) {
+        WARNING("description-conflict",
+                "The configured one is broadcast. Let nobody else send SELF_ID, or leave [self_id] "
+                "description empty.",
+                "another description is sent");
+    }
+    if (condition->classification_conflict) {
+        WARNING("classification-conflict",
+                "The configured one is broadcast. Make the ground station's the same, or leave it "
+                "undeclared there.",
+                "another EU class is sent");
     }
     if (condition->operator_id_conflict) {
         WARNING("operator-id-conflict",
@@ -279,6 +298,12 @@ static void judge_types(struct health *health, const struct health_input *input)
 static void judge_contradictions(struct health *health, const struct health_input *input)
 {
     judge_types(health, input);
+    if (input->condition->receivers_differ) {
+        WARNING("receivers-differ",
+                "Both have a fix. The one that the autopilot goes by is broadcast: look at both "
+                "receivers.",
+                "two GNSS receivers in two places");
+    }
     if (input->condition->altitude_apart) {
         WARNING("altitude-apart",
                 "It stands still, or is far from the receiver's: altitude and height are unknown. "

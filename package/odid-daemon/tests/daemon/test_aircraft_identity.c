@@ -745,6 +745,45 @@ static void impossible_pages_are_ignored(void **state)
     }
 }
 
+/* They took turns on every channel, each second, and nobody was told. */
+static void of_two_ground_stations_the_first_one_says_who_it_is(void **state)
+{
+    static const char *const ids[] = {"SSRS5GBG01", "SSRS5GBG02"};
+
+    (void)state;
+    for (unsigned i = 0; i < 40; i++) {
+        struct telemetry_update update = update_of(TELEMETRY_BASIC_ID);
+
+        update.by_another = true;
+        update.speaker = (uint16_t)(1 + i % 2);
+        update.basic_id.id_type = 1;
+        strcpy(update.basic_id.uas_id, ids[i % 2]);
+        give(&update);
+        look();
+        assert_int_equal(view.basic_ids, 1);
+        assert_string_equal(view.basic_id[0].uas_id, ids[0]);
+        assert_int_equal(condition.basic_ids_differ, i > 0);
+        fly(0.5);
+    }
+    fly(11);
+    assert_false(condition.basic_ids_differ);
+}
+
+static void what_differs_from_the_configured_description_is_told(void **state)
+{
+    (void)state;
+    strcpy(config.description, "sea rescue");
+    description_by_ground(0, "sea rescue");
+    look();
+    assert_false(condition.description_conflict);
+    description_by_ground(2, "Lost link, returning");
+    look();
+    assert_true(condition.description_conflict);
+    assert_string_equal(view.description, "sea rescue");
+    fly(11);
+    assert_false(condition.description_conflict);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -795,6 +834,8 @@ int main(void)
         cmocka_unit_test_setup(two_that_are_no_serial_numbers_have_a_place_each, begin_setup),
         cmocka_unit_test_setup(an_identity_of_a_type_that_was_corrected_is_gone, begin_setup),
         cmocka_unit_test_setup(what_two_say_differently_is_told, begin_setup),
+        cmocka_unit_test_setup(what_differs_from_the_configured_description_is_told, begin_setup),
+        cmocka_unit_test_setup(of_two_ground_stations_the_first_one_says_who_it_is, begin_setup),
     };
 
     return cmocka_run_group_tests_name("aircraft, identity", tests, NULL, NULL);

@@ -524,6 +524,68 @@ static void one_place_by_two_ways_is_no_difference(void **state)
     }
 }
 
+/* ArduPilot passes on as its own what each of two has said. */
+static void two_that_the_autopilot_passes_on_are_told(void **state)
+{
+    (void)state;
+    fly(5);
+    for (unsigned i = 0; i < 10; i++) {
+        say(false, LIVE, 51);
+        fly(0.5);
+        say(false, LIVE, 47);
+        fly(0.5);
+        assert_true(i < 1 || condition.operators_differ);
+    }
+}
+
+/* A home that was moved in flight: PX4 says it so. */
+static void a_take_off_elsewhere_than_it_took_off_is_not_broadcast(void **state)
+{
+    (void)state;
+    fly(5);
+    arm(true);
+    fly(5);
+    say(false, 0, 51);
+    assert_true(operator_is(57.7089));
+    assert_int_equal(view.system.operator_location_type, 0);
+    assert_true(condition.operators_differ);
+    for (unsigned i = 0; i < 2; i++) { /* live, and then where it was armed */
+        struct telemetry_update update = system_message(TELEMETRY_SYSTEM);
+
+        fly(1);
+        update.system.operator_location_type = i == 0 ? LIVE : 0;
+        update.system.operator_latitude_deg = i == 0 ? 51 : 57.7090;
+        update.system.operator_longitude_deg = sim.longitude_deg;
+        update.system.timestamp_2019_s += 1;
+        give(&update);
+        look();
+        assert_true(operator_is(i == 0 ? 51 : 57.7090));
+    }
+}
+
+static void what_differs_from_the_configured_classification_is_told(void **state)
+{
+    struct telemetry_update update = system_message(TELEMETRY_SYSTEM);
+
+    (void)state;
+    config.classification_set = true;
+    config.category = update.system.category_eu;
+    config.class_eu = update.system.class_eu;
+    give(&update);
+    look();
+    assert_false(condition.classification_conflict);
+    update.system.category_eu = 0; /* claims nothing */
+    update.system.class_eu = 0;
+    give(&update);
+    look();
+    assert_false(condition.classification_conflict);
+    update.system.class_eu = (uint8_t)(config.class_eu + 1);
+    give(&update);
+    look();
+    assert_true(condition.classification_conflict);
+    assert_int_equal(view.system.class_eu, config.class_eu);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -553,6 +615,10 @@ int main(void)
         cmocka_unit_test_setup(one_place_by_two_ways_is_no_difference, begin_setup),
         cmocka_unit_test_setup(who_has_no_place_is_in_nobodys_way, begin_setup),
         cmocka_unit_test_setup(two_stations_of_one_number_are_told, begin_setup),
+        cmocka_unit_test_setup(what_differs_from_the_configured_classification_is_told,
+                               begin_setup),
+        cmocka_unit_test_setup(two_that_the_autopilot_passes_on_are_told, begin_setup),
+        cmocka_unit_test_setup(a_take_off_elsewhere_than_it_took_off_is_not_broadcast, begin_setup),
     };
 
     return cmocka_run_group_tests_name("aircraft, System", tests, NULL, NULL);

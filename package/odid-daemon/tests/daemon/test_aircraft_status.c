@@ -568,6 +568,85 @@ static void without_heartbeats_what_flies_is_armed(void **state)
     assert_false(condition.armed);
 }
 
+/* PX4 goes on for ten seconds with its receiver's last time; what lies crashed says the same again
+ * and again. */
+static void a_native_emergency_counts_without_a_time_that_moves(void **state)
+{
+    (void)state;
+    for (unsigned with_time = 0; with_time < 2; with_time++) {
+        struct telemetry_update update;
+
+        begin();
+        arm(true);
+        fly(5);
+        update = native_of(now_us);
+        update.location.status = AIRCRAFT_EMERGENCY;
+        if (!with_time) {
+            update.location.timestamp_s = update.location.latitude_deg =
+                update.location.longitude_deg = NAN;
+        }
+        for (unsigned i = 0; i < 20; i++) {
+            give(&update);
+            give(&update); /* one message, twice */
+            fly(1);
+            assert_int_equal(view.location.status, i ? AIRCRAFT_EMERGENCY : AIRCRAFT_AIRBORNE);
+        }
+        fly(3);
+        assert_int_equal(view.location.status, AIRCRAFT_AIRBORNE);
+    }
+}
+
+static void a_crash_stands_where_its_autopilot_dies_of_it(void **state)
+{
+    struct telemetry_update crash = update_of(TELEMETRY_CRASHED);
+
+    (void)state;
+    arm(true);
+    fly(20);
+    give(&crash);
+    arm(false);
+    silence_us(60 * SECOND);
+    assert_int_equal(view.location.status, AIRCRAFT_EMERGENCY);
+}
+
+/* From a hill, or where it took off isn't known: "on ground" by its landed state, and armed ended
+ * while it fell. */
+static void disarmed_high_it_is_in_distress_wherever_it_took_off(void **state)
+{
+    (void)state;
+    for (unsigned known = 0; known < 2; known++) {
+        begin();
+        sim.fix_type = known ? 3 : 1;
+        fly(5);
+        arm(true);
+        fly(5);
+        sim.fix_type = 3;
+        sim.relative_m = known ? -80 : 120;
+        sim.altitude_m += sim.relative_m;
+        sim.north_mps = 15;
+        for (unsigned i = 0; i < 10; i++) {
+            landed(MAV_LANDED_STATE_IN_AIR);
+            fly(1);
+        }
+        assert_int_equal(condition.takeoff_known, known);
+        for (unsigned i = 0; i < 10; i++) { /* it flies on, and is stuck */
+            landed(MAV_LANDED_STATE_ON_GROUND);
+            fly(1);
+        }
+        assert_int_equal(view.location.status, AIRCRAFT_AIRBORNE);
+        sim.armed = false;
+        sim.up_mps = -4;
+        for (unsigned i = 0; i < 10; i++) {
+            sim.altitude_m -= 4;
+            sim.relative_m -= 4;
+            landed(MAV_LANDED_STATE_ON_GROUND);
+            fly(1);
+            assert_true(i == 0 || view.location.status == AIRCRAFT_EMERGENCY);
+            assert_true(condition.armed);
+        }
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -599,6 +678,9 @@ int main(void)
         cmocka_unit_test_setup(who_says_no_landed_state_says_no_wrong_one, begin_setup),
         cmocka_unit_test_setup(a_landed_state_that_stays_in_the_air_is_not_believed, begin_setup),
         cmocka_unit_test_setup(without_heartbeats_what_flies_is_armed, begin_setup),
+        cmocka_unit_test_setup(a_native_emergency_counts_without_a_time_that_moves, begin_setup),
+        cmocka_unit_test_setup(a_crash_stands_where_its_autopilot_dies_of_it, begin_setup),
+        cmocka_unit_test_setup(disarmed_high_it_is_in_distress_wherever_it_took_off, begin_setup),
         cmocka_unit_test_setup(what_moves_is_in_the_air_as_it_says, begin_setup),
         cmocka_unit_test_setup(another_vehicle_starts_from_nothing, begin_setup),
     };

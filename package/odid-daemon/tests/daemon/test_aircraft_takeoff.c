@@ -506,6 +506,32 @@ static void another_vehicle_inherits_no_takeoff_point(void **state)
     assert_false(condition.armed);
 }
 
+/* "On ground" by a landed state that is stuck: the first fix came in the air, and was the take-off
+ * point. */
+static void the_first_fix_in_the_air_is_no_take_off(void **state)
+{
+    (void)state;
+    for (unsigned level = 0; level < 2; level++) {
+        begin();
+        sim.fix_type = 1;
+        fly(5);
+        arm(true);
+        for (unsigned i = 0; i < 60; i++) {
+            landed(MAV_LANDED_STATE_ON_GROUND);
+            fly(1);
+        }
+        sim.relative_m = 100;
+        sim.north_mps = 15;
+        sim.up_mps = level ? 0 : 2;
+        sim.fix_type = 3;
+        for (unsigned i = 0; i < 10; i++) {
+            landed(MAV_LANDED_STATE_ON_GROUND);
+            fly(1);
+            assert_false(condition.takeoff_known);
+        }
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -521,6 +547,7 @@ int main(void)
                                begin_setup),
         cmocka_unit_test_setup(a_stale_position_at_arming_is_no_takeoff_point, begin_setup),
         cmocka_unit_test_setup(the_first_fix_on_the_ground_stands_in_and_is_said_to, begin_setup),
+        cmocka_unit_test_setup(the_first_fix_in_the_air_is_no_take_off, begin_setup),
         cmocka_unit_test_setup(once_it_has_left_the_ground_home_stands_in, begin_setup),
         cmocka_unit_test_setup(armed_again_in_the_air_the_takeoff_point_stays, begin_setup),
         cmocka_unit_test_setup(another_flight_from_something_fast_has_its_own_point, begin_setup),
