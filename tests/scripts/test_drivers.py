@@ -133,13 +133,15 @@ def test_what_is_no_radio_of_the_broadcast_s_any_more_is_no_fault(appliance, mak
 
 
 def test_a_chip_without_its_patch_is_a_fault(appliance, make_driven, watch):
-    """By the kernel's record, in which a device's name with a line of its own in it stays one line."""
-    def record(number, text):
-        return f"3,{number},{number}000,-;{text}\n SUBSYSTEM=bluetooth\n"
+    """By the kernel's record, in which a device's name with a line of its own in it stays one line, and a program's line has
+    the program's facility."""
+    def record(number, text, priority=3):
+        return f"{priority},{number},{number}000,-;{text}\n SUBSYSTEM=bluetooth\n"
     nowhere, loaded = "Bluetooth: hci0: BCM: firmware Patch file not found, tried:", "Bluetooth: hci0: BCM4345C0 'brcm/BCM4345C0.hcd' Patch"
     name = f"usb 1-1: Product: ;{nowhere}\\x0a{nowhere}"
     make_driven("hci0", *SERIAL)
-    appliance.write("dev/kmsg", record(1, nowhere) + record(2, loaded) + record(3, name) + record(4, nowhere.replace("hci0", "hci1")))
+    appliance.write("dev/kmsg", record(1, nowhere) + record(2, loaded) + record(3, name) + record(4, nowhere.replace("hci0", "hci1")) +
+                    record(5, nowhere, 11) + record(6, nowhere, 30))
     watch()
     say(appliance, "hci0 on-air 5")
     assert appliance.fault("patch-hci0") is None

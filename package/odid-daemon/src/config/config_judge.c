@@ -12,6 +12,7 @@
 #define ID_UTM 3
 #define LOCATION_FIXED 2
 #define CATEGORY_OPEN 1
+#define CATEGORY_CERTIFIED 3
 #define CLASS_C5 6
 /* The kernel gives ports from here on to whoever asks for any; overlay/etc/init.d/S01mounts. */
 #define ANYBODYS_PORTS 32768U
@@ -87,6 +88,13 @@ static void judge_operator(const struct config *config, struct config_source *so
                    "[operator] operator_id = \"%s\" is no EU operator number: %s; it is broadcast "
                    "all the same",
                    config->operator_id, problem);
+    } else if (!identifiers_known_country(config->operator_id)) {
+        config_say(
+            source, CONFIG_WARNING,
+            "[operator] operator_id = \"%s\": %.3s is no country that registers operators by "
+            "EU rules. Expected SWE for Sweden, NOR for Norway, ...; it is broadcast all the "
+            "same",
+            config->operator_id, config->operator_id);
     }
 }
 
@@ -113,6 +121,13 @@ static void judge_system(const struct config *config, struct config_source *sour
         config_say(source, CONFIG_WARNING,
                    "[system] class %s belongs to category specific, not open",
                    config_class_name(config->class_eu));
+    }
+    if (config->class_eu != 0 &&
+        (config->category == 0 || config->category == CATEGORY_CERTIFIED)) {
+        config_say(source, CONFIG_WARNING,
+                   "[system] class %s means nothing with category = %s: classes are of the "
+                   "categories open and specific",
+                   config_class_name(config->class_eu), config_category_name(config->category));
     }
     if (config->description[0] != '\0' && config->description_type == 1) {
         config_say(source, CONFIG_WARNING,

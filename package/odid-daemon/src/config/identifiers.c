@@ -202,6 +202,21 @@ static char check_character(const char *code, const char *secret)
     return alphabet[(36 - sum % 36) % 36];
 }
 
+bool identifiers_known_country(const char *operator_id)
+{
+    static const char countries[][OPERATOR_COUNTRY + 1] = {
+        "AUT", "BEL", "BGR", "CHE", "CYP", "CZE", "DEU", "DNK", "ESP", "EST", "FIN",
+        "FRA", "GRC", "HRV", "HUN", "IRL", "ISL", "ITA", "LIE", "LTU", "LUX", "LVA",
+        "MLT", "NLD", "NOR", "POL", "PRT", "ROU", "SVK", "SVN", "SWE"};
+
+    for (size_t i = 0; i < sizeof(countries) / sizeof(countries[0]); i++) {
+        if (strncmp(operator_id, countries[i], OPERATOR_COUNTRY) == 0) {
+            return true;
+        }
+    }
+    return false;
+}
+
 enum operator_number_verdict identifiers_check_operator(const char *given,
                                                         char public_part[IDENTIFIER_MAX + 1],
                                                         char problem[IDENTIFIER_PROBLEM_SIZE])

@@ -49,6 +49,12 @@ enum operator_number_verdict identifiers_check_operator(const char *given,
                                                         char problem[IDENTIFIER_PROBLEM_SIZE]);
 
 /*
+ * Does it begin with a country that registers operators by the EU's rules: its members, and
+ * Iceland, Liechtenstein, Norway and Switzerland (ISO 3166-1, three letters)?
+ */
+bool identifiers_known_country(const char *operator_id);
+
+/*
  * Removes, in place, the secret part of every operator number that stands
  * somewhere in a text where it doesn't belong. Returns true when there was one.
  */

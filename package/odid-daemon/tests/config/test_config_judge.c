@@ -71,6 +71,18 @@ static void judgements(void **state)
          "undeclared\n"},
         {GOOD "[system]\ncategory = open\nclass = C5\n",
          "warning: [system] class C5 belongs to category specific, not open\n"},
+        {GOOD "[system]\ncategory = specific\nclass = C3\n", ""},
+        {GOOD "[system]\ncategory = certified\nclass = C3\n",
+         "warning: [system] class C3 means nothing with category = certified: classes are of the "
+         "categories open and specific\n"},
+        {GOOD "[system]\nclass = C3\n",
+         "warning: [system] class C3 means nothing with category = undeclared: classes are of the "
+         "categories open and specific\n"},
+        {GOOD "[operator]\noperator_id = ZZZ3jxza7qbzvu5d\n",
+         "warning: [operator] operator_id = \"ZZZ3jxza7qbzvu5d\": ZZZ is no country that registers "
+         "operators by EU rules. Expected SWE for Sweden, NOR for Norway, ...; it is broadcast all "
+         "the same\n"},
+        {GOOD "[operator]\noperator_id = NOR87astrdge12k8\n", ""},
         {GOOD "[self_id]\ndescription = x\ndescription_type = emergency\n",
          "warning: [self_id] description_type = emergency: every receiver shows an emergency from "
          "power-on\n"},
