@@ -140,9 +140,10 @@ def test_a_chip_without_its_patch_is_a_fault(appliance, make_driven, watch):
     nowhere, loaded = "Bluetooth: hci0: BCM: firmware Patch file not found, tried:", "Bluetooth: hci0: BCM4345C0 'brcm/BCM4345C0.hcd' Patch"
     name = f"usb 1-1: Product: ;{nowhere}\\x0a{nowhere}"
     make_driven("hci0", *SERIAL)
+    watch()
+    say(appliance)
     appliance.write("dev/kmsg", record(1, nowhere) + record(2, loaded) + record(3, name) + record(4, nowhere.replace("hci0", "hci1")) +
                     record(5, nowhere, 11) + record(6, nowhere, 30))
-    watch()
     say(appliance, "hci0 on-air 5")
     assert appliance.fault("patch-hci0") is None
     say(appliance, "hci0 stuck 0")
