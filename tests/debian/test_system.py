@@ -97,12 +97,12 @@ def test_nothing_is_wrong_for_a_minute(companion):
 
 def test_what_it_may_do(companion):
     """As its user, with two rights, in real time, on a root that nobody writes to."""
+    netdev = companion.must("getent group netdev | cut -d : -f 3").strip()
     for name in ("odid-keeper", "odid-daemon"):
         number = companion.must(f"pidof {name}").split()[0]
         status = dict(line.split(":", 1) for line in companion.must(f"cat /proc/{number}/status").splitlines())
         user = companion.must("id -u odid").strip()
         assert status["Uid"].split() == [user] * 4, name
-        netdev = companion.must("getent group netdev | cut -d : -f 3").strip()
         assert netdev not in status["Groups"].split(), f"{name}: commands wpa_supplicant"
         assert companion.run(f"nsenter -t {number} -m ls /run/dbus/system_bus_socket").code != 0, name
         assert int(status["CapPrm"], 16) == 0x3000 and int(status["CapBnd"], 16) == 0x3000, name

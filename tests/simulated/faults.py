@@ -15,6 +15,7 @@ from .controller import DISALLOWED, SET_DATA, SET_EXTENDED_DATA
 BLUETOOTH, WIFI, ALL = ("bt4", "bt5"), ("wifi",), ("bt4", "bt5", "wifi")
 FOREIGN_DISABLE, FOREIGN_RESET = (0x2039, bytes(2)), (0x0C03, b"")
 
+
 @dataclass(frozen=True)
 class Fault:
     """limit_s: without a newer position after it is over, on a machine that isn't late."""

@@ -71,6 +71,8 @@ def judged_by_law(flight, until_s):
 def with_their_limits(windows):
     """Where a daemon began meanwhile it may be another one; and what was done to a radio while none was there, or it hung,
     is noticed from then on."""
+    begun = [one for one in windows if one.fault.restarts]
+
     def limited(one):
         if one.fault.begun_s and any(other.lasts(one.begin_s, one.back_s) for other in begun):
             one = one._replace(fault=replace(one.fault, limit_s=one.fault.begun_s))
@@ -78,7 +80,6 @@ def with_their_limits(windows):
             one = one._replace(back_s=max([one.back_s, *(other.back_s for other in begun if
                                                          other.begin_s <= one.begin_s <= other.back_s)]))
         return one
-    begun = [one for one in windows if one.fault.restarts]
     return [limited(one) for one in windows]
 
 

@@ -154,6 +154,14 @@ static void take_type(struct aircraft *aircraft)
     aircraft->type_on_ground = !aircraft->armed;
 }
 
+/* Something came that may tell where it takes off. */
+static void look_for_takeoff(struct aircraft *aircraft, int64_t now_us)
+{
+    if (aircraft->takeoff_pending) {
+        aircraft_look_for_takeoff(aircraft, aircraft_is_on_ground(aircraft, now_us), now_us);
+    }
+}
+
 static void take_heartbeat(struct aircraft *aircraft, const struct telemetry_update *update,
                            int64_t now_us)
 {
@@ -197,7 +205,7 @@ static void take_heartbeat(struct aircraft *aircraft, const struct telemetry_upd
         aircraft->system_status = update->heartbeat.system_status;
     }
     aircraft->said_status = update->heartbeat.system_status;
-    aircraft_look_for_takeoff(aircraft, aircraft_is_on_ground(aircraft, now_us), now_us);
+    look_for_takeoff(aircraft, now_us);
 }
 
 /* Its HEARTBEATs may be lost, or kept from us: an old "disarmed" doesn't stand in the air. */
@@ -335,7 +343,7 @@ static void take_authentication(struct aircraft *aircraft, const struct telemetr
 static void use_position(struct aircraft *aircraft, int64_t now_us)
 {
     aircraft_compare_altitudes(aircraft, now_us);
-    aircraft_look_for_takeoff(aircraft, aircraft_is_on_ground(aircraft, now_us), now_us);
+    look_for_takeoff(aircraft, now_us);
 }
 
 static void take_global_position(struct aircraft *aircraft, const struct telemetry_update *update,
@@ -395,7 +403,7 @@ static void take_landed_state(struct aircraft *aircraft, uint8_t landed_state, i
         landed_state == MAV_LANDED_STATE_LANDING) {
         aircraft->in_air_us = now_us;
     }
-    aircraft_look_for_takeoff(aircraft, aircraft_is_on_ground(aircraft, now_us), now_us);
+    look_for_takeoff(aircraft, now_us);
 }
 
 void aircraft_update(struct aircraft *aircraft, const struct telemetry_update *update,

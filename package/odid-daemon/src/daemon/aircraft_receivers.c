@@ -2,7 +2,6 @@
  * that receiver is? */
 #include <common/mavlink.h>
 #include <math.h>
-#include <stdlib.h>
 
 #include "base/earth.h"
 #include "daemon/aircraft_state.h"
@@ -179,14 +178,20 @@ static bool both_have_a_fix(const struct aircraft *aircraft, int64_t now_us)
 }
 
 /* Each says so once a second, and not at once. */
+static bool are_apart(const struct aircraft_receiver *a, const struct aircraft_receiver *b,
+                      double speed_mps)
+{
+    double limit_m = APART_M + 2 * (accuracy_m(a) + accuracy_m(b)) +
+                     speed_mps * (2 * DELAY_S + fabs((double)(a->said_us - b->said_us)) * 1e-6);
+
+    return earth_distance_m(a->latitude_deg, a->longitude_deg, b->latitude_deg, b->longitude_deg) >
+           limit_m;
+}
+
 static void compare_receivers(struct aircraft *aircraft, double speed_mps, int64_t now_us)
 {
-    const struct aircraft_receiver *a = &aircraft->receiver[0], *b = &aircraft->receiver[1];
-    double limit_m = APART_M + 2 * (accuracy_m(a) + accuracy_m(b)) + speed_mps * 2 * DELAY_S;
-
     if (both_have_a_fix(aircraft, now_us) &&
-        earth_distance_m(a->latitude_deg, a->longitude_deg, b->latitude_deg, b->longitude_deg) >
-            limit_m + speed_mps * (double)llabs(a->said_us - b->said_us) * 1e-6) {
+        are_apart(&aircraft->receiver[0], &aircraft->receiver[1], speed_mps)) {
         is_now_apart(&aircraft->receivers, now_us);
     } else {
         is_now_near(&aircraft->receivers, now_us);

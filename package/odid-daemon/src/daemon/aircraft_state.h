@@ -245,9 +245,9 @@ void aircraft_forget_receivers(struct aircraft *aircraft);
 /* The one that has a fix, and that the position comes from; of two that are as good the first one.
  * NULL: none has. */
 const struct aircraft_receiver *aircraft_receiver(const struct aircraft *aircraft, int64_t now_us);
-/* Does any of them say anything, if only that it has none? */
 /* Do both have a fix, and not in the same place, for long? */
 bool aircraft_receivers_differ(const struct aircraft *aircraft, int64_t now_us);
+/* Does any of them say anything, if only that it has none? */
 bool aircraft_receivers_heard(const struct aircraft *aircraft, int64_t now_us);
 /* Was one of them heard, since the autopilot's start, and says nothing for 3 s now? */
 bool aircraft_receiver_fell_silent(const struct aircraft *aircraft, int64_t now_us);
@@ -262,7 +262,7 @@ bool aircraft_altitude_is_apart(const struct aircraft_fix *fix, int64_t now_us);
 /* HEARTBEATs begin to say armed; arming_seen: and said disarmed until now. */
 void aircraft_begin_flight(struct aircraft *aircraft, bool arming_seen, int64_t now_us);
 
-/* Something came that may tell where it takes off; on_ground: aircraft_is_on_ground. */
+/* While it is pending where it takes off: what came may tell. on_ground: aircraft_is_on_ground. */
 void aircraft_look_for_takeoff(struct aircraft *aircraft, bool on_ground, int64_t now_us);
 
 void aircraft_take_home(struct aircraft *aircraft, const struct telemetry_update *update);

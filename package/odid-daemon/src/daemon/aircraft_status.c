@@ -8,8 +8,7 @@
 #define FLYING_MPS 8.0
 #define FLYING_VERTICAL_MPS 2.5
 /* What climbs or sinks so high above its take-off point, or below it, flies, whatever its landed
- * state says:
- * ArduCopter's is "on ground" as soon as it is disarmed, under a parachute, too. */
+ * state says: ArduCopter's is "on ground" as soon as it is disarmed, under a parachute, too. */
 #define HIGH_M 15.0
 #define HIGH_VERTICAL_MPS 1.5
 /* "On ground" by its landed state it moves that high, armed; "in air" it lies there, disarmed: for

@@ -37,9 +37,6 @@ void aircraft_look_for_takeoff(struct aircraft *aircraft, bool on_ground, int64_
     const struct aircraft_fix *fix = aircraft_best_fix(aircraft, now_us);
     bool soon = now_us - aircraft->armed_us < TAKEOFF_WAIT_US;
 
-    if (!aircraft->takeoff_pending) {
-        return;
-    }
     if (!soon && !on_ground) {
         aircraft->takeoff_pending = false;
         let_home_stand_in(aircraft);

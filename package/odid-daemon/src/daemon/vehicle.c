@@ -11,7 +11,6 @@
 #define PASSED_BY_US 1500000
 /* An autopilot has started by then; one that is expected still isn't there. */
 #define STARTED_US 60000000
-#define SILENT_US 3000000
 
 void vehicle_init(struct vehicle *vehicle)
 {
@@ -80,7 +79,7 @@ static bool has_returned(const struct vehicle *vehicle, int64_t now_us)
 
 static bool is_silent(const struct vehicle *vehicle, int64_t now_us)
 {
-    return now_us - vehicle->last_us > SILENT_US;
+    return now_us - vehicle->last_us > EXPECTED_US;
 }
 
 /*

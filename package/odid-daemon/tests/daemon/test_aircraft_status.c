@@ -275,16 +275,21 @@ static void what_lies_there_disarmed_does_not_crash(void **state)
     assert_int_equal(view.location.status, AIRCRAFT_AIRBORNE);
 }
 
-/* It lies there, disarmed, and by its landed state on the ground. */
-static void a_crash_is_an_emergency_until_it_is_armed_again(void **state)
+static void fly_and_crash(void)
 {
     struct telemetry_update crash = update_of(TELEMETRY_CRASHED);
 
-    (void)state;
     arm(true);
     fly(20);
     give(&crash);
     arm(false);
+}
+
+/* It lies there, disarmed, and by its landed state on the ground. */
+static void a_crash_is_an_emergency_until_it_is_armed_again(void **state)
+{
+    (void)state;
+    fly_and_crash();
     fly(60);
     assert_int_equal(view.location.status, AIRCRAFT_EMERGENCY);
     arm(true);
@@ -598,13 +603,8 @@ static void a_native_emergency_counts_without_a_time_that_moves(void **state)
 
 static void a_crash_stands_where_its_autopilot_dies_of_it(void **state)
 {
-    struct telemetry_update crash = update_of(TELEMETRY_CRASHED);
-
     (void)state;
-    arm(true);
-    fly(20);
-    give(&crash);
-    arm(false);
+    fly_and_crash();
     silence_us(60 * SECOND);
     assert_int_equal(view.location.status, AIRCRAFT_EMERGENCY);
 }

@@ -144,10 +144,9 @@ static void a_stale_position_at_arming_is_no_takeoff_point(void **state)
     assert_false(condition.takeoff_known);
 }
 
-/* Its landed state says that it hasn't left: then where it is, is where it takes off. */
-static void the_first_fix_on_the_ground_stands_in_and_is_said_to(void **state)
+/* And it stands there for a minute, by its landed state. */
+static void arm_without_a_fix(void)
 {
-    (void)state;
     sim.fix_type = 1;
     fly(5);
     arm(true);
@@ -155,6 +154,13 @@ static void the_first_fix_on_the_ground_stands_in_and_is_said_to(void **state)
         landed(MAV_LANDED_STATE_ON_GROUND);
         fly(1);
     }
+}
+
+/* Its landed state says that it hasn't left: then where it is, is where it takes off. */
+static void the_first_fix_on_the_ground_stands_in_and_is_said_to(void **state)
+{
+    (void)state;
+    arm_without_a_fix();
     assert_false(condition.takeoff_known);
     assert_false(condition.fix_known);
     sim.fix_type = 3;
@@ -513,13 +519,7 @@ static void the_first_fix_in_the_air_is_no_take_off(void **state)
     (void)state;
     for (unsigned level = 0; level < 2; level++) {
         begin();
-        sim.fix_type = 1;
-        fly(5);
-        arm(true);
-        for (unsigned i = 0; i < 60; i++) {
-            landed(MAV_LANDED_STATE_ON_GROUND);
-            fly(1);
-        }
+        arm_without_a_fix();
         sim.relative_m = 100;
         sim.north_mps = 15;
         sim.up_mps = level ? 0 : 2;
