@@ -28,6 +28,8 @@ struct aircraft *aircraft_init(const struct config *config, int64_t start_us)
     aircraft.telemetry.fix_us = aircraft.position_boot_us = INT64_MIN;
     aircraft.waiting_position.came_us = aircraft.waiting_time.came_us = INT64_MIN;
     aircraft.native.fix_us = aircraft.last.fix_us = INT64_MIN;
+    aircraft.telemetry.rest.since_us = aircraft.telemetry.level.since_us = INT64_MIN;
+    aircraft.native.rest.since_us = aircraft.native.level.since_us = INT64_MIN;
     aircraft.native_location.said_us = aircraft.native_location.emergency_us = INT64_MIN;
     aircraft.native_rated_us = aircraft.native_behind_us = INT64_MIN;
     aircraft.telemetry_rate.last_us = aircraft.native_rate.last_us = INT64_MIN;

@@ -114,6 +114,7 @@ struct aircraft_condition {
     bool altitude_apart;      /* its altitude isn't its receiver's, and doesn't count */
     bool altitudes_differ;    /* native LOCATION's isn't its receiver's: telemetry's goes out */
     bool landed_state_wrong;  /* it contradicts what the aircraft does, and doesn't count */
+    bool speed_wrong;         /* it says 0, and moves: unknown */
     bool vertical_inverted;   /* it sends vertical speed upside down: set right (vertical.h) */
     int64_t operator_ahead_s; /* the ground station's clock; 0 while not known */
     uint8_t mav_type, autopilot;

@@ -290,10 +290,10 @@ static void fill_motion_from_telemetry(const struct aircraft *aircraft, int64_t 
     const struct aircraft_fix *fix = &aircraft->telemetry;
     double speed_mps = hypot(fix->north_mps, fix->east_mps);
 
-    if (isnan(out->speed_mps)) {
+    if (isnan(out->speed_mps) && !fix->rest.wrong) {
         out->speed_mps = speed_mps;
     }
-    if (isnan(out->vertical_speed_mps)) {
+    if (isnan(out->vertical_speed_mps) && !fix->level.wrong) {
         out->vertical_speed_mps = fix->vertical_speed_mps;
     }
     if (isnan(out->direction_deg) && speed_mps >= COURSE_MIN_MPS) {
@@ -308,9 +308,12 @@ static void fill_motion_from_native(const struct aircraft *aircraft, struct airc
 {
     const struct telemetry_update *native = &aircraft->native_location.counted;
 
-    out->direction_deg = native->location.direction_deg;
-    out->speed_mps = native->location.speed_mps;
-    out->vertical_speed_mps = native->location.vertical_speed_mps;
+    out->speed_mps = aircraft->native.rest.wrong ? NAN : native->location.speed_mps;
+    out->vertical_speed_mps =
+        aircraft->native.level.wrong ? NAN : native->location.vertical_speed_mps;
+    /* A course without a speed says nothing. */
+    out->direction_deg =
+        native->location.speed_mps < COURSE_MIN_MPS ? NAN : native->location.direction_deg;
     out->speed_accuracy = native->location.speed_accuracy;
 }
 

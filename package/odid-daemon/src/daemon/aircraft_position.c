@@ -32,6 +32,14 @@
 #define STILL_M 2.0
 #define STILL_HIGH_M 0.2
 
+/* Who says a speed of less, and was so far away within so long, doesn't know how fast it is: an
+ * estimator that sends no velocity says 0. */
+#define RESTS_MPS 0.3
+#define RESTS_VERTICAL_MPS 0.1
+#define MOVED_M 30.0
+#define ROSE_M 20.0
+#define REST_LOOK_US 10000000
+
 /* Messages come in bursts, GPS_RAW_INT anywhere among them: it confirms what came so shortly
  * before. */
 #define CONFIRMED_WITHIN_US 1000000
@@ -186,6 +194,42 @@ static void climb_to(struct aircraft_fix *fix, double altitude_m, int64_t now_us
     }
 }
 
+/* Returns whether it is to be looked from where it is now. */
+static bool watch(struct aircraft_rest *rest, bool says_so, double moved_m, double limit_m,
+                  int64_t now_us)
+{
+    if (!says_so) {
+        rest->since_us = INT64_MIN;
+        rest->wrong = false;
+        return false;
+    }
+    if (rest->since_us != INT64_MIN && moved_m > limit_m) {
+        rest->wrong = true;
+    } else if (rest->since_us != INT64_MIN && now_us - rest->since_us < REST_LOOK_US) {
+        return false;
+    } else {
+        rest->wrong = false;
+    }
+    rest->since_us = now_us;
+    return true;
+}
+
+static void watch_rest(struct aircraft_fix *fix, double speed_mps, double vertical_mps,
+                       double altitude_m, int64_t now_us)
+{
+    double moved_m = earth_distance_m(fix->rest.latitude_deg, fix->rest.longitude_deg,
+                                      fix->latitude_deg, fix->longitude_deg);
+
+    if (watch(&fix->rest, speed_mps < RESTS_MPS, moved_m, MOVED_M, now_us)) {
+        fix->rest.latitude_deg = fix->latitude_deg;
+        fix->rest.longitude_deg = fix->longitude_deg;
+    }
+    if (watch(&fix->level, fabs(vertical_mps) < RESTS_VERTICAL_MPS,
+              fabs(altitude_m - fix->level.altitude_m), ROSE_M, now_us)) {
+        fix->level.altitude_m = altitude_m;
+    }
+}
+
 /* ---- plain telemetry ---- */
 
 void aircraft_keep_waiting(const struct aircraft *aircraft, struct aircraft_waiting *waiting,
@@ -221,6 +265,8 @@ bool aircraft_confirm_position(struct aircraft *aircraft, int64_t now_us)
     fix->east_mps = update->global_position.east_mps;
     fix->vertical_speed_mps =
         vertical_upright_mps(&aircraft->vertical, update->global_position.up_mps);
+    watch_rest(fix, hypot(fix->north_mps, fix->east_mps), fix->vertical_speed_mps,
+               fix->altitude_msl_m, now_us);
     count_position(&aircraft->telemetry_rate, now_us);
     compare(aircraft, now_us);
     return true;
@@ -385,6 +431,8 @@ bool aircraft_take_location(struct aircraft *aircraft, const struct telemetry_up
     move_to(aircraft, &aircraft->native, update->location.latitude_deg,
             update->location.longitude_deg, now_us);
     aircraft->native.altitude_msl_m = NAN;
+    watch_rest(&aircraft->native, update->location.speed_mps, update->location.vertical_speed_mps,
+               native->altitude_geodetic_m, now_us);
     count_position(&aircraft->native_rate, now_us);
     compare(aircraft, now_us);
     return true;

@@ -28,6 +28,13 @@ struct aircraft_apart {
     int64_t for_us;   /* ... that time */
 };
 
+/* It says that it rests, and does it? */
+struct aircraft_rest {
+    int64_t since_us; /* it says so, or is looked at anew; INT64_MIN: it doesn't say so */
+    double latitude_deg, longitude_deg, altitude_m; /* there, then */
+    bool wrong;                                     /* it moves */
+};
+
 /* A position as one source gave it last. */
 struct aircraft_fix {
     int64_t fix_us; /* on our clock; INT64_MIN: never */
@@ -39,7 +46,8 @@ struct aircraft_fix {
     struct aircraft_apart apart;
     int64_t climbed_us; /* the same of its altitude, ... */
     double climbed_m;
-    struct aircraft_apart high; /* ... which isn't its receiver's */
+    struct aircraft_apart high;       /* ... which isn't its receiver's */
+    struct aircraft_rest rest, level; /* by its speed; by its vertical speed */
 };
 
 /* GPS_RAW_INT's, GPS2_RAW's. */

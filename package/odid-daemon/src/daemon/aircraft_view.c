@@ -304,6 +304,7 @@ void aircraft_condition(const struct aircraft *aircraft, int64_t now_us,
                         struct aircraft_condition *condition)
 {
     const struct aircraft_operator_number *said = aircraft_operator_said(aircraft);
+    const struct aircraft_fix *fix = aircraft_best_fix(aircraft, now_us);
     const struct config *config = aircraft->config;
 
     memset(condition, 0, sizeof(*condition));
@@ -323,9 +324,8 @@ void aircraft_condition(const struct aircraft *aircraft, int64_t now_us,
     condition->autopilot = aircraft->autopilot;
     condition->autopilot_restarts = aircraft->clock.restarts;
     condition->position_rate_hz = aircraft_rate_hz(
-        aircraft_best_fix(aircraft, now_us) == &aircraft->native ? &aircraft->native_rate
-                                                                 : &aircraft->telemetry_rate,
-        now_us);
+        fix == &aircraft->native ? &aircraft->native_rate : &aircraft->telemetry_rate, now_us);
+    condition->speed_wrong = fix != NULL && (fix->rest.wrong || fix->level.wrong);
     condition->vertical_inverted = aircraft->vertical.inverted;
     condition->fix_known = aircraft_fix_known(aircraft, now_us);
     condition->apart = aircraft_is_apart(&aircraft->telemetry, now_us) ||

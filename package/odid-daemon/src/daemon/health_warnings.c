@@ -298,6 +298,12 @@ static void judge_types(struct health *health, const struct health_input *input)
 static void judge_contradictions(struct health *health, const struct health_input *input)
 {
     judge_types(health, input);
+    if (input->condition->speed_wrong) {
+        WARNING("speed-not-believed",
+                "It says 0, and its place or altitude moves: the speed is unknown. Let the "
+                "autopilot send its velocity.",
+                "speed 0 not believed: it moves");
+    }
     if (input->condition->receivers_differ) {
         WARNING("receivers-differ",
                 "Both have a fix. The one that the autopilot goes by is broadcast: look at both "

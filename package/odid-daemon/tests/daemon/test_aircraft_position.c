@@ -532,6 +532,35 @@ static void the_rate_of_positions_is_measured(void **state)
     assert_near(condition.position_rate_hz, 0);
 }
 
+/* An estimator that sends no velocity: 20 m/s over ground went out as 0, 5 m/s up as level. */
+static void a_speed_of_0_of_what_moves_is_unknown(void **state)
+{
+    (void)state;
+    arm(true);
+    for (unsigned i = 0; i < 60; i++) {
+        sim.latitude_deg += 4.0 / 111320;
+        sim.altitude_m += 1;
+        fly(0.2);
+        assert_true(i < 12 || isnan(view.location.speed_mps));
+        assert_true(i < 25 || isnan(view.location.vertical_speed_mps));
+    }
+    assert_true(condition.speed_wrong);
+    sim.north_mps = 20;
+    sim.up_mps = 5;
+    fly(1);
+    assert_near(view.location.speed_mps, 20);
+    assert_near(view.location.vertical_speed_mps, 5);
+    assert_false(condition.speed_wrong);
+    sim.north_mps = sim.up_mps = 0; /* it hovers, and what is said of its place trembles */
+    for (unsigned i = 0; i < 120; i++) {
+        sim.latitude_deg += (i % 2 ? 5.0 : -5.0) / 111320;
+        fly(1);
+        assert_near(view.location.speed_mps, 0);
+        assert_near(view.location.vertical_speed_mps, 0);
+    }
+    assert_false(condition.speed_wrong);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -568,6 +597,7 @@ int main(void)
         cmocka_unit_test_setup(accuracies_follow_the_tables_of_the_standard, begin_setup),
         cmocka_unit_test_setup(accuracies_that_stopped_are_unknown, begin_setup),
         cmocka_unit_test_setup(the_rate_of_positions_is_measured, begin_setup),
+        cmocka_unit_test_setup(a_speed_of_0_of_what_moves_is_unknown, begin_setup),
     };
 
     return cmocka_run_group_tests_name("aircraft, position and motion", tests, NULL, NULL);

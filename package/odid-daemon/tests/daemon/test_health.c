@@ -459,6 +459,7 @@ static void each_contradiction_is_told_alone(void **state)
         {&condition->basic_ids_differ, HEALTH_WARNING, "two tell the Basic ID"},
         {&condition->description_conflict, HEALTH_WARNING, "another description is sent"},
         {&condition->classification_conflict, HEALTH_WARNING, "another EU class is sent"},
+        {&condition->speed_wrong, HEALTH_WARNING, "speed 0 not believed: it moves"},
         {&condition->receivers_differ, HEALTH_WARNING, "two GNSS receivers in two places"},
         {&condition->altitude_apart, HEALTH_WARNING, "altitude differs from GNSS"},
         {&condition->altitudes_differ, HEALTH_WARNING, "native altitude not believed"},
