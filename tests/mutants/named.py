@@ -37,7 +37,7 @@ NAMED = (
            "return lasts(fix, &fix->high, fix->climbed_us, now_us);", "return false;"),
     Mutant("what flies without a HEARTBEAT stays disarmed", "aircraft.c", "    look_whether_it_flies(aircraft, now_us);\n", ""),
     Mutant("a way back that breaks later is missed", "asking.c",
-           "if (asking->asked < 0 && is_probed(asking, now_us)) {", "if (false) {"),
+           "return asking->asked >= 0 || asking_probe(asking, now_us, request);", "return asking->asked >= 0;"),
     Mutant("an emergency is taken over by whoever declares another", "aircraft_operator.c",
            "update->self_id.text[0] != '\\0' && !is_emergency(description, now_us);", "update->self_id.text[0] != '\\0';"),
     Mutant("a fix that is lost leaves the native position rated", "aircraft_position.c",

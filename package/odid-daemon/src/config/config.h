@@ -60,7 +60,7 @@ struct config {
     unsigned baud;
     char udp_address[46]; /* numeric IPv4 address to listen on */
     uint16_t udp_port;
-    bool request_rate; /* ask the autopilot for 4 Hz positions */
+    bool request_rate; /* ask the autopilot for what is used of it */
     /* [broadcast] */
     bool bt4_enabled, bt5_enabled, wifi_beacon_enabled;
     char wifi_iface[16];

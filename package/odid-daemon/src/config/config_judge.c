@@ -122,7 +122,7 @@ static void judge_system(const struct config *config, struct config_source *sour
                    "[system] class %s belongs to category specific, not open",
                    config_class_name(config->class_eu));
     }
-    if (config->class_eu != 0 &&
+    if (config->classification_type != 0 && config->class_eu != 0 &&
         (config->category == 0 || config->category == CATEGORY_CERTIFIED)) {
         config_say(source, CONFIG_WARNING,
                    "[system] class %s means nothing with category = %s: classes are of the "

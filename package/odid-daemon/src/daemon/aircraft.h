@@ -123,8 +123,9 @@ struct aircraft_condition {
     double position_rate_hz; /* new positions a second of the source that speaks; NAN unknown */
     uint8_t basic_id_conflict, operator_id_conflict;    /* native differs from configured: 1 */
     bool description_conflict, classification_conflict; /* likewise */
-    bool operator_ids_differ, descriptions_differ;      /* vehicle's and ground station's */
-    bool basic_ids_differ;                              /* two ground stations' */
+    bool area_upside_down; /* its ceiling is under its floor: both unknown */
+    bool operator_ids_differ, descriptions_differ; /* vehicle's and ground station's */
+    bool basic_ids_differ;                         /* two ground stations' */
 };
 
 struct aircraft; /* one per daemon */

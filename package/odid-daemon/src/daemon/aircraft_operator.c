@@ -244,11 +244,13 @@ void aircraft_take_system(struct aircraft *aircraft, const struct telemetry_upda
 {
     struct aircraft_native_system *system = &aircraft->system[speaker_of(update)];
     bool undated = update->system.timestamp_2019_s == 0; /* then that it came has to do */
-    bool moved = system->said_us == INT64_MIN || undated ||
-                 update->system.timestamp_2019_s != system->timestamp_2019_s;
     bool known = !isnan(update->system.operator_latitude_deg) &&
                  !earth_is_near_zero(update->system.operator_latitude_deg,
                                      update->system.operator_longitude_deg);
+    bool moved = system->said_us == INT64_MIN || undated ||
+                 update->system.timestamp_2019_s != system->timestamp_2019_s ||
+                 (known && (update->system.operator_latitude_deg != system->latitude_deg ||
+                            update->system.operator_longitude_deg != system->longitude_deg));
 
     /* One without a place, as many stations send it each second, is in nobody's way. */
     if (!aircraft_is_heard(aircraft, GROUND_SYSTEM, update, known && !place_said(system, now_us),

@@ -189,12 +189,18 @@ static void view_operator(const struct aircraft *aircraft, int64_t now_us,
     }
 }
 
+static bool is_upside_down(const struct aircraft_native_system *system)
+{
+    return system->known && system->area_ceiling_m < system->area_floor_m;
+}
+
 static void view_system(const struct aircraft *aircraft, int64_t now_us,
                         struct aircraft_system *out)
 {
     const struct aircraft_native_system *native = aircraft_system_said(aircraft, now_us);
     const struct config *config = aircraft->config;
     bool own = config->classification_set || !native->known;
+    bool heights = native->known && !is_upside_down(native);
 
     view_operator(aircraft, now_us, out);
     out->classification_type = own ? config->classification_type : native->classification_type;
@@ -202,8 +208,8 @@ static void view_system(const struct aircraft *aircraft, int64_t now_us,
     out->class_eu = own ? config->class_eu : native->class_eu;
     out->area_count = native->known && native->area_count > 0 ? native->area_count : 1;
     out->area_radius_m = native->known ? native->area_radius_m : 0;
-    out->area_ceiling_m = native->known ? native->area_ceiling_m : NAN;
-    out->area_floor_m = native->known ? native->area_floor_m : NAN;
+    out->area_ceiling_m = heights ? native->area_ceiling_m : NAN;
+    out->area_floor_m = heights ? native->area_floor_m : NAN;
 }
 
 void aircraft_view(const struct aircraft *aircraft, int64_t now_us, struct aircraft_view *view)
@@ -340,6 +346,7 @@ void aircraft_condition(const struct aircraft *aircraft, int64_t now_us,
                                       ? aircraft_system_said(aircraft, now_us)->ahead_s
                                       : 0;
     condition->operators_differ = aircraft_operators_differ(aircraft, now_us);
+    condition->area_upside_down = is_upside_down(aircraft_system_said(aircraft, now_us));
     condition->basic_ids_differ = aircraft_still_said(aircraft->ids_differ_us, now_us);
     condition->basic_id_conflict = basic_id_conflict(aircraft);
     condition->operator_id_conflict = config->operator_id[0] != '\0' && said->number[0] != '\0' &&

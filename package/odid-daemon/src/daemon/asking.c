@@ -68,7 +68,11 @@ static int64_t longest_wait_us(unsigned which)
 
 static void take_ack(struct asking *asking, const struct telemetry_update *update)
 {
-    if (asking->asked < 0 || update->command_ack.command != MAV_CMD_SET_MESSAGE_INTERVAL) {
+    if (update->command_ack.command != MAV_CMD_SET_MESSAGE_INTERVAL) {
+        return; /* nor does MAVLink 1 say to whom */
+    }
+    asking->unanswered = 0;
+    if (asking->asked < 0) {
         return;
     }
     if (update->command_ack.result == MAV_RESULT_DENIED ||
@@ -98,7 +102,6 @@ static bool is_often(const struct asking_message *message, const struct asking_r
 void asking_heard(struct asking *asking, const struct telemetry_update *update, int64_t now_us)
 {
     if (update->kind == TELEMETRY_COMMAND_ACK) {
-        asking->unanswered = 0;
         take_ack(asking, update);
         return;
     }
@@ -144,20 +147,31 @@ static void put_question(struct asking *asking, int which, int64_t now_us,
     asking->unanswered++;
 }
 
-/* Nothing has to be asked for. Does it hear us still? */
-static bool is_probed(const struct asking *asking, int64_t now_us)
+static bool is_waited_for(struct asking *asking, int64_t now_us)
+{
+    if (asking->asked >= 0 && now_us - asking->asked_us >= ANSWER_US) {
+        asking->asked = -1;
+    }
+    return asking->asked >= 0;
+}
+
+bool asking_probe(struct asking *asking, int64_t now_us, struct asking_request *request)
 {
     bool unsure = asking->unanswered > 0 && asking->unanswered < UNHEARD;
 
-    return now_us - asking->asked_us >= (unsure ? PROBE_AGAIN_US : PROBE_US);
+    if (is_waited_for(asking, now_us) ||
+        now_us - asking->asked_us < (unsure ? PROBE_AGAIN_US : PROBE_US)) {
+        return false;
+    }
+    put_question(asking, HEARTBEAT, now_us, request);
+    return true;
 }
 
 bool asking_next(struct asking *asking, bool apart, int64_t now_us, struct asking_request *request)
 {
-    if (asking->asked >= 0 && now_us - asking->asked_us < ANSWER_US) {
+    if (is_waited_for(asking, now_us)) {
         return false;
     }
-    asking->asked = -1;
     for (int i = 0; i < ASKING_MESSAGES; i++) {
         struct asking_message *message = &asking->message[i];
 
@@ -180,10 +194,7 @@ bool asking_next(struct asking *asking, bool apart, int64_t now_us, struct askin
             message->mean_us = 0;
         }
     }
-    if (asking->asked < 0 && is_probed(asking, now_us)) {
-        put_question(asking, HEARTBEAT, now_us, request);
-    }
-    return asking->asked >= 0;
+    return asking->asked >= 0 || asking_probe(asking, now_us, request);
 }
 
 bool asking_unheard(const struct asking *asking)

@@ -13,8 +13,8 @@
  * GPS2_RAW, a second receiver's, is asked for where the first one's says that there is no fix, or
  * doesn't come, or is contradicted by the position: that may be where the second one is.
  *
- * Where nothing has to be asked for, HEARTBEAT is all the same, once in 20 s: an answer says that
- * the way back works.
+ * Where nothing has to be asked for, or nothing may be, HEARTBEAT is all the same, once in 20 s: an
+ * answer says that the way back works.
  */
 #ifndef ODID_ASKING_H
 #define ODID_ASKING_H
@@ -57,6 +57,9 @@ void asking_heard(struct asking *asking, const struct telemetry_update *update, 
 /* Is there something to ask for now? Called a few times a second. apart: the position, or its
  * altitude, isn't where its receiver is. */
 bool asking_next(struct asking *asking, bool apart, int64_t now_us, struct asking_request *request);
+
+/* The same where nothing is to be asked for: is there to ask whether it hears us? */
+bool asking_probe(struct asking *asking, int64_t now_us, struct asking_request *request);
 
 /* Is nothing of it answered any more, or done? Then ARM_STATUS isn't heard either. */
 bool asking_unheard(const struct asking *asking);

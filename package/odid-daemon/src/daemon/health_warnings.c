@@ -304,6 +304,11 @@ static void judge_contradictions(struct health *health, const struct health_inpu
                 "autopilot send its velocity.",
                 "speed 0 not believed: it moves");
     }
+    if (input->condition->area_upside_down) {
+        WARNING("area-upside-down",
+                "Neither is broadcast. Set the ground station's SYSTEM: area_ceiling, area_floor.",
+                "area: ceiling under floor");
+    }
     if (input->condition->receivers_differ) {
         WARNING("receivers-differ",
                 "Both have a fix. The one that the autopilot goes by is broadcast: look at both "

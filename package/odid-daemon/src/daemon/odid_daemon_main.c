@@ -172,9 +172,10 @@ static void ask_vehicle(const struct aircraft_condition *condition, uint8_t vehi
         telemetry_restarted(self.telemetry);
         asking_begin(&self.asking, now_us);
     }
-    if (config()->request_rate &&
-        asking_next(&self.asking, condition->apart || condition->altitude_apart, now_us,
-                    &request)) {
+    if (config()->request_rate
+            ? asking_next(&self.asking, condition->apart || condition->altitude_apart, now_us,
+                          &request)
+            : asking_probe(&self.asking, now_us, &request)) {
         pilot_ask_rate(&self.pilot, vehicle, request.message_id, request.interval_us);
     }
 }

@@ -69,6 +69,9 @@ static void judgements(void **state)
         {GOOD "[system]\nclassification_type = undeclared\ncategory = open\n",
          "warning: [system] category and class mean nothing with classification_type = "
          "undeclared\n"},
+        {GOOD "[system]\nclassification_type = undeclared\nclass = C3\n",
+         "warning: [system] category and class mean nothing with classification_type = "
+         "undeclared\n"},
         {GOOD "[system]\ncategory = open\nclass = C5\n",
          "warning: [system] class C5 belongs to category specific, not open\n"},
         {GOOD "[system]\ncategory = specific\nclass = C3\n", ""},

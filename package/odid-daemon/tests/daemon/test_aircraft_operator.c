@@ -142,6 +142,23 @@ static void an_operator_message_with_a_frozen_timestamp_goes_stale(void **state)
     assert_unknown(view.system.operator_latitude_deg);
 }
 
+/* A station whose clock stands, and who walks: it lives. */
+static void an_operator_who_moves_counts_whatever_the_timestamp(void **state)
+{
+    struct telemetry_update update;
+
+    (void)state;
+    fly(5);
+    update = system_message(TELEMETRY_SYSTEM);
+    for (unsigned i = 0; i < 20; i++) {
+        update.system.operator_latitude_deg += 0.00001;
+        give(&update);
+        look();
+        assert_true(operator_is(update.system.operator_latitude_deg));
+        fly(1);
+    }
+}
+
 /* 0 stands for an unknown time: then that it comes again counts. */
 static void an_operator_message_without_a_timestamp_counts_while_it_comes(void **state)
 {
@@ -340,6 +357,26 @@ static void a_native_area_count_of_0_is_one_aircraft(void **state)
     give(&update);
     look();
     assert_int_equal(view.system.area_count, 1);
+}
+
+static void a_ceiling_under_its_floor_is_none(void **state)
+{
+    struct telemetry_update update;
+
+    (void)state;
+    fly(5);
+    update = system_message(TELEMETRY_SYSTEM);
+    update.system.area_floor_m = 121;
+    give(&update);
+    look();
+    assert_unknown(view.system.area_ceiling_m);
+    assert_unknown(view.system.area_floor_m);
+    assert_true(condition.area_upside_down);
+    update.system.area_floor_m = NAN;
+    give(&update);
+    look();
+    assert_near(view.system.area_ceiling_m, 120);
+    assert_false(condition.area_upside_down);
 }
 
 /* ---- two voices ---- */
@@ -593,6 +630,7 @@ int main(void)
         cmocka_unit_test_setup(an_update_moves_the_operator_and_nothing_else, begin_setup),
         cmocka_unit_test_setup(an_update_alone_is_a_moving_operator, begin_setup),
         cmocka_unit_test_setup(an_operator_message_with_a_frozen_timestamp_goes_stale, begin_setup),
+        cmocka_unit_test_setup(an_operator_who_moves_counts_whatever_the_timestamp, begin_setup),
         cmocka_unit_test_setup(an_operator_message_without_a_timestamp_counts_while_it_comes,
                                begin_setup),
         cmocka_unit_test_setup(an_unknown_native_operator_is_no_place, begin_setup),
@@ -608,6 +646,7 @@ int main(void)
         cmocka_unit_test_setup(one_aircraft_and_no_area_is_the_default, begin_setup),
         cmocka_unit_test_setup(a_native_area_count_of_0_is_one_aircraft, begin_setup),
         cmocka_unit_test_setup(a_live_operator_goes_before_home, begin_setup),
+        cmocka_unit_test_setup(a_ceiling_under_its_floor_is_none, begin_setup),
         cmocka_unit_test_setup(of_equals_the_first_one_counts_until_it_is_silent, begin_setup),
         cmocka_unit_test_setup(of_two_ground_stations_the_first_one_counts_until_it_is_silent,
                                begin_setup),

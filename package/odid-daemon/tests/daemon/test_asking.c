@@ -39,6 +39,7 @@ static int64_t asked_us[MESSAGES];
 static unsigned probes; /* questions for a HEARTBEAT that comes */
 static uint8_t fix_type;
 static bool apart;
+static bool may_ask; /* [mavlink] request_rate */
 
 static int setup(void **state)
 {
@@ -50,6 +51,7 @@ static int setup(void **state)
     probes = 0;
     fix_type = GPS_FIX_TYPE_3D_FIX;
     apart = false;
+    may_ask = true;
     asking_begin(&asking, now_us);
     return 0;
 }
@@ -114,7 +116,8 @@ static void pass(double seconds)
                 asking_heard(&asking, &update, now_us);
             }
         }
-        if (now_us % (250 * MS) == 0 && asking_next(&asking, apart, now_us, &request)) {
+        if (now_us % (250 * MS) == 0 && (may_ask ? asking_next(&asking, apart, now_us, &request)
+                                                 : asking_probe(&asking, now_us, &request))) {
             take(&request);
         }
     }
@@ -305,6 +308,28 @@ static void a_way_back_that_breaks_later_is_found_out(void **state)
     assert_false(asking_unheard(&asking));
 }
 
+/* request_rate = false: nobody was asked anything, and nobody noticed. Somebody else's answer in
+ * MAVLink 1, which doesn't say whose, is none of ours. */
+static void where_nothing_is_asked_for_a_way_back_that_breaks_is_found_out_too(void **state)
+{
+    (void)state;
+    sends_us[HEARTBEAT] = message[HEARTBEAT].interval_us;
+    may_ask = false;
+    pass(300);
+    assert_in_range(probes, 12, 16);
+    expect_asked(POSITION, 0);
+    assert_false(asking_unheard(&asking));
+    when_asked[HEARTBEAT] = IGNORES;
+    for (unsigned i = 0; i < 11; i++) {
+        pass(5);
+        answer(MAV_RESULT_ACCEPTED, MAV_CMD_COMPONENT_ARM_DISARM);
+    }
+    assert_true(asking_unheard(&asking));
+    when_asked[HEARTBEAT] = OBEYS;
+    pass(25);
+    assert_false(asking_unheard(&asking));
+}
+
 static void all_come_but_a_second_receiver_s(void)
 {
     for (unsigned i = 0; i < GPS2_RAW; i++) {
@@ -399,6 +424,8 @@ int main(void)
         cmocka_unit_test_setup(who_never_answers_is_asked_more_and_more_seldom, setup),
         cmocka_unit_test_setup(an_autopilot_that_hears_nothing_is_found_out, setup),
         cmocka_unit_test_setup(a_way_back_that_breaks_later_is_found_out, setup),
+        cmocka_unit_test_setup(where_nothing_is_asked_for_a_way_back_that_breaks_is_found_out_too,
+                               setup),
         cmocka_unit_test_setup(a_second_receiver_is_asked_for_when_the_first_has_no_fix, setup),
         cmocka_unit_test_setup(a_second_receiver_is_asked_for_when_the_first_is_contradicted,
                                setup),

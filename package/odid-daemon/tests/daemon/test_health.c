@@ -455,6 +455,7 @@ static void each_contradiction_is_told_alone(void **state)
         {&condition->emergency_declared, HEALTH_WARNING, "an emergency is declared"},
         {&condition->operators_differ, HEALTH_WARNING, "two tell the operator's place"},
         {&condition->operator_ids_differ, HEALTH_WARNING, "two tell the operator ID"},
+        {&condition->area_upside_down, HEALTH_WARNING, "area: ceiling under floor"},
         {&condition->descriptions_differ, HEALTH_WARNING, "two tell the description"},
         {&condition->basic_ids_differ, HEALTH_WARNING, "two tell the Basic ID"},
         {&condition->description_conflict, HEALTH_WARNING, "another description is sent"},
