@@ -1,6 +1,6 @@
 """The emulated machine that the appliance boots in, and the parts around it.
 
-  rootcanal <- front.py <- serial line --+              +-- control console (hvc1): run()
+  rootcanal <- front.py <- serial line --+              +-- control console: run()
   (the air)               hvc0, hci0     |  QEMU, arm64 |
   wifi.pcap <- tap.py <- virtio port ----+  appliance   +-- USB serial adapter <- player.py
   the judge listens to both              +--------------+   unplug(), plug(): QMP
@@ -97,30 +97,24 @@ class Qmp:
 class Shell:
     """The control console: a root shell of the bench's, outside of the appliance's services."""
 
-    # A shell behind the line: neither echo nor prompts nor a line's length matter there. To one that is there already it
-    # is said again when the machine was too slow to answer.
-    TAKE_OVER = "if [ -t 0 ]; then stty raw -echo; echo 'BENCH: 'ready; cat | sh; exit; else echo 'BENCH: 'ready; fi"
-    READY = rb"BENCH: ready\r?\n"
-    ANSWER_S, READY_S = 0.3, 10  # then it is asked again: a machine that restarts forgets what it was told
+    READY = "BENCH: ready"
+    ANSWER_S = 0.3  # then it is asked again: a machine that restarts forgets what it was told
 
     def __init__(self, path, alive=lambda: None):
         """alive raises when there is nothing left to wait for."""
         self._socket, self._count, self._got = connect(path), 0, b""
 
-        def taken_over():
+        def answers():
             alive()
-            self.send("")  # a prompt that came before we did is lost
+            self.send(f"echo {self.READY}")
             try:
-                _, answer = self._until(rb"[#$] |" + self.READY, self.ANSWER_S)
-                if answer[0] in (b"# ", b"$ "):
-                    self.send(self.TAKE_OVER)
-                    self._until(self.READY, self.READY_S)
+                self.until(self.READY.encode(), self.ANSWER_S)
             except TimeoutError:
                 return False
             return True
-        patience.wait_for("a shell on the control console", taken_over, limit_s=patience.BOOTED_S)
+        patience.wait_for("a shell on the control console", answers, limit_s=patience.BOOTED_S)
 
-    def _until(self, pattern, timeout_s):
+    def until(self, pattern, timeout_s):
         """What comes before the pattern, and its match."""
         deadline = time.monotonic() + timeout_s
         while True:
@@ -152,11 +146,11 @@ class Shell:
         # Ended in the machine, too: one command that hangs must not take the console from all others.
         self.send(f"echo {mark}-begins; timeout -s KILL {limit_s} sh -c {shlex.quote(command)} </dev/null 2>&1; "
                   f"echo {mark}-ends $?")
-        self._until(rf"{mark}-begins\r?\n".encode(), limit_s)
-        output, end = self._until(rf"{mark}-ends (\d+)\r?\n".encode(), 2 * limit_s)
+        self.until(rf"{mark}-begins\n".encode(), limit_s)
+        output, end = self.until(rf"{mark}-ends (\d+)\n".encode(), 2 * limit_s)
         if int(end[1]) == KILLED:
             raise TimeoutError(f"in the machine: {command}: not done within {limit_s} s: {output[-300:]!r}")
-        return Result(int(end[1]), output.decode(errors="replace").replace("\r\n", "\n"))
+        return Result(int(end[1]), output.decode(errors="replace"))
 
     def close(self):
         self._socket.close()
@@ -248,7 +242,8 @@ class Machine:
             "-chardev", f"socket,id=bt,host=127.0.0.1,port={self.front_port},nodelay=on",
             "-device", "virtconsole,chardev=bt",
             "-chardev", f"socket,id=control,path={self._sockets}/control,server=on,wait=off",
-            "-device", "virtconsole,chardev=control",
+            # No console by QEMU's word: of what one says it drops what isn't read at once.
+            "-device", "virtserialport,chardev=control,name=control",
             "-chardev", f"socket,id=wifi,path={self._sockets}/wifi",
             "-device", "virtserialport,chardev=wifi,name=wifi",
             "-netdev", f"user,id=net,hostfwd=udp:127.0.0.1:{self.mavlink_port}-:14550,"

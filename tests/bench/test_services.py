@@ -10,9 +10,10 @@ import time
 
 import patience
 import pytest
-from parts import free_udp_port
+from parts import ROOT, free_udp_port
 
 from . import flights
+from .machine import Machine
 from .wifi import BEACON, frames, pack
 
 ADAPTER = bytes((0x40, 0, 0, 0, 77, 1))  # as QEMU's has it
@@ -30,11 +31,27 @@ def ssh(machine, key, *command):
     return done.returncode, done.stdout
 
 
-def test_what_a_program_opens_by_name_is_there(make_machine):
-    """A shell's <(...), and nft -f - where nothing else makes these names."""
-    machine = make_machine("names")
+@pytest.fixture(scope="module")
+def switched_on(machine_possible):
+    """Nothing has to be on the air."""
+    machine = Machine(ROOT / "build/system/switched_on")
     machine.power_on()
-    assert machine.run("for one in fd stdin stdout stderr; do [ -e /dev/$one ] || echo $one; done").output == ""
+    yield machine
+    machine.close()
+
+
+def test_what_a_program_opens_by_name_is_there(switched_on):
+    """A shell's <(...), and nft -f - where nothing else makes these names."""
+    assert switched_on.run("for one in fd stdin stdout stderr; do [ -e /dev/$one ] || echo $one; done").output == ""
+
+
+def test_what_the_machine_says_is_heard_however_late(switched_on):
+    """The bench's own: of the kernel's log the end was lost, and what was waited for with it."""
+    switched_on.shell.send("i=0; while [ $i -lt 3000 ]; do i=$((i+1)); echo said $i; done")
+    time.sleep(3)  # it is busy, and doesn't listen
+    switched_on.shell.send("echo and that is all")
+    said, _ = switched_on.shell.until(b"and that is all\n", patience.LIMIT_S)
+    assert [int(one) for one in re.findall(rb"said (\d+)\n", said)] == list(range(1, 3001))
 
 
 @pytest.fixture

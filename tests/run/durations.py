@@ -58,6 +58,7 @@ PERMITTED_SLEEPS = {
     "bench/test_services.py::test_a_board_without_radios_boots_and_says_so": "nothing may end, nor be on the air",
     "bench/test_services.py::test_a_daemon_that_never_comes_back_is_taken_off_the_air": "nothing may be heard",
     "bench/guest/test_relay.py::test_a_peer_that_is_not_there_costs_nothing": "it must not end",
+    "bench/test_services.py::test_what_the_machine_says_is_heard_however_late": "nobody listens meanwhile",
     "daemon/test_flight_record.py::test_a_flight_with_a_killed_daemon_a_lost_hostapd_and_a_killed_recorder":
         "so long a flight goes on, and so long something is away",
     "models/test_models.py::test_what_a_chip_had_before_it_refused_stays_in_it": "it must not be in them",
