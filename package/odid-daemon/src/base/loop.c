@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #define EVENTS_MAX 16
+#define PAUSE_US 5000
 
 static struct {
     int epoll, timer;
@@ -123,6 +124,28 @@ void loop_arm(struct loop_timer *timer, int64_t deadline_us)
 {
     /* One that is always late gets its turn once a round, and the descriptors theirs. */
     timer->deadline_us = deadline_us > self.round_us ? deadline_us : self.round_us + 1;
+}
+
+static void after_pause(void *context, int64_t now_us)
+{
+    struct loop_watch *watch = context;
+
+    (void)now_us;
+    if (watch->fd >= 0) {
+        loop_watch_events(watch, EPOLLIN);
+    }
+}
+
+void loop_pause_init(struct loop_pause *pause, struct loop_watch *watch)
+{
+    pause->watch = watch;
+    loop_timer_init(&pause->timer, after_pause, watch);
+}
+
+void loop_pause_reading(struct loop_pause *pause, int64_t now_us)
+{
+    loop_watch_events(pause->watch, 0);
+    loop_arm(&pause->timer, now_us + PAUSE_US);
 }
 
 static struct loop_timer *earliest(void)

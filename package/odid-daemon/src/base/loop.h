@@ -52,6 +52,20 @@ void loop_timer_init(struct loop_timer *timer, loop_timer_fn *call, void *contex
  * The timer is disarmed before its call. */
 void loop_arm(struct loop_timer *timer, int64_t deadline_us);
 
+/*
+ * Who talks without end isn't listened to for 5 ms each time: a loop that never
+ * sleeps would be ended by the kernel (RLIMIT_RTTIME). Errors and hang-ups are
+ * told meanwhile. Only of what is watched for EPOLLIN. Lives in its owner.
+ */
+struct loop_pause {
+    struct loop_timer timer;
+    struct loop_watch *watch;
+};
+
+/* Once per pause, before it is made. */
+void loop_pause_init(struct loop_pause *pause, struct loop_watch *watch);
+void loop_pause_reading(struct loop_pause *pause, int64_t now_us);
+
 /* Runs until loop_stop. Returns 0, or -errno when the kernel's part failed. */
 int loop_run(void);
 void loop_stop(void);

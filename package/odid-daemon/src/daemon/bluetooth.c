@@ -92,7 +92,8 @@ static struct bluetooth_adapter *add_adapter(const char *name)
         .name = name,
         .address = self.address,
         .hci.watch.fd = -1,
-        .timer = adapter->timer, /* of a start before: the loop knows it */
+        .hci.pause = adapter->hci.pause, /* of a start before: the loop knows it, ... */
+        .timer = adapter->timer,         /* ... and this one */
         .again_wait_us = BLUETOOTH_AGAIN_US,
         .mended_us = LOOP_NEVER,
         .coming_us = LOOP_NEVER,

@@ -25,7 +25,6 @@
 #define READS_MAX 32
 #define DATAGRAMS_MAX 128
 #define DATAGRAM_OCTETS_MAX 16384
-#define PAUSE_US 5000
 #define WAITING_MAX 4096 /* datagrams: more than a socket's buffer holds */
 /* A UDP sender that was silent for this long isn't counted any more. */
 #define SENDER_PRESENT_US 10000000
@@ -42,7 +41,8 @@ static struct {
     void *context;
     struct link_status status;
     struct loop_watch watch;
-    struct loop_timer retry, silence, pause;
+    struct loop_timer retry, silence;
+    struct loop_pause pause;
     int64_t heard_us; /* the last byte, or the opening */
     struct sender senders[TELEMETRY_STREAMS];
     uint32_t overrun_seen; /* as the kernel said last of this socket */
@@ -77,7 +77,6 @@ static void lose_link(const char *what, int error, int64_t now_us)
         serial_close(fd);
     }
     loop_arm(&self.silence, LOOP_NEVER);
-    loop_arm(&self.pause, LOOP_NEVER);
     loop_arm(&self.retry, now_us + RETRY_US);
     snprintf(self.status.detail, sizeof(self.status.detail), "%s: %s", what, strerror(error));
     enter_state(LINK_ABSENT, now_us);
@@ -99,22 +98,6 @@ static void on_silence(void *context, int64_t now_us)
         loop_arm(&self.silence, now_us + LINK_SILENT_US);
     } else {
         loop_arm(&self.silence, self.heard_us + LINK_SILENT_US);
-    }
-}
-
-/* As many as may be were read at once: the next ones later. */
-static void pause_reading(int64_t now_us)
-{
-    loop_watch_events(&self.watch, 0); /* a hang-up is told all the same */
-    loop_arm(&self.pause, now_us + PAUSE_US);
-}
-
-static void after_pause(void *context, int64_t now_us)
-{
-    (void)context;
-    (void)now_us;
-    if (self.watch.fd >= 0) {
-        loop_watch_events(&self.watch, EPOLLIN);
     }
 }
 
@@ -141,7 +124,7 @@ static void on_serial(void *context, uint32_t events, int64_t now_us)
     } else if (events & (EPOLLHUP | EPOLLERR)) {
         lose_link("hang-up", EIO, now_us);
     } else if (length > 0) {
-        pause_reading(now_us);
+        loop_pause_reading(&self.pause, now_us);
     }
 }
 
@@ -232,7 +215,7 @@ static void on_udp(void *context, uint32_t events, int64_t now_us)
         self.bytes(self.context, sender_slot(&from, now_us), datagram, (size_t)length, now_us);
     }
     if (reads == DATAGRAMS_MAX || octets >= DATAGRAM_OCTETS_MAX) {
-        pause_reading(now_us);
+        loop_pause_reading(&self.pause, now_us);
     }
     count_senders(now_us);
     note_overrun(now_us);
@@ -314,7 +297,7 @@ void link_start(const struct config *config, link_bytes_fn *bytes, link_reset_fn
     }
     loop_timer_init(&self.retry, open_link, NULL);
     loop_timer_init(&self.silence, on_silence, NULL);
-    loop_timer_init(&self.pause, after_pause, NULL);
+    loop_pause_init(&self.pause, &self.watch);
     open_link(NULL, now_us);
     if (self.status.state == LINK_ABSENT) {
         log_warning("autopilot link %s: not there yet (%s)", self.status.name, self.status.detail);

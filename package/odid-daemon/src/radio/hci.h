@@ -27,6 +27,7 @@ typedef void hci_lost_fn(void *context, int error, int64_t now_us);
 
 struct hci {
     struct loop_watch watch;
+    struct loop_pause pause;
     bool h4;         /* else kernel */
     int dev_id;      /* kernel: N of hciN */
     bool down_first; /* kernel: hci_open has it put down, then up; cleared when it was seen down */

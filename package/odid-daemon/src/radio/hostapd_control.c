@@ -12,10 +12,7 @@
 
 #define REPLY_MAX 4096
 /* Datagrams read in one go: whoever talks without end must not keep the loop from its deadlines. */
-#define READS_MAX 16
-/* Who has said so much isn't listened to for a moment: without sleep the kernel would end us
- * (RLIMIT_RTTIME), and the keeper, which listens to it as well. */
-#define PAUSE_US 5000
+#define READS_MAX 16 /* then it isn't listened to for a moment */
 /* So long nobody who passed descriptors is spoken to, and each time twice as long. */
 #define SHUN_US 60000000
 #define SHUN_DOUBLED_MAX 10 /* no power-on lasts as long as that */
@@ -75,16 +72,6 @@ static void on_timeout(void *context, int64_t now_us)
     lose_hostapd(context, -ETIMEDOUT, now_us);
 }
 
-static void after_pause(void *context, int64_t now_us)
-{
-    struct hostapd_control *control = context;
-
-    (void)now_us;
-    if (control->watch.fd >= 0) {
-        loop_watch_events(&control->watch, EPOLLIN);
-    }
-}
-
 void hostapd_control_init(struct hostapd_control *control, hostapd_reply_fn *on_reply,
                           hostapd_lost_fn *on_lost, void *context)
 {
@@ -96,7 +83,7 @@ void hostapd_control_init(struct hostapd_control *control, hostapd_reply_fn *on_
     control->on_lost = on_lost;
     control->context = context;
     loop_timer_init(&control->timeout, on_timeout, control);
-    loop_timer_init(&control->pause, after_pause, control);
+    loop_pause_init(&control->pause, &control->watch);
 }
 
 static void take_datagram(struct hostapd_control *control, char *reply, size_t length,
@@ -135,8 +122,7 @@ static void on_datagram(void *context, uint32_t events, int64_t now_us)
     if (control->watch.fd >= 0 && (events & (EPOLLHUP | EPOLLERR))) {
         lose_hostapd(control, -ECONNRESET, now_us);
     } else if (control->watch.fd >= 0 && reads == READS_MAX) {
-        loop_watch_events(&control->watch, 0); /* a hang-up is told all the same */
-        loop_arm(&control->pause, now_us + PAUSE_US);
+        loop_pause_reading(&control->pause, now_us);
     }
 }
 
@@ -186,7 +172,6 @@ void hostapd_control_close(struct hostapd_control *control)
 
     control->waiting = false;
     loop_arm(&control->timeout, LOOP_NEVER);
-    loop_arm(&control->pause, LOOP_NEVER);
     loop_unwatch(&control->watch);
     if (fd >= 0 && !is_empty(fd)) {
         leave_open(control);

@@ -28,7 +28,8 @@ typedef void hostapd_lost_fn(void *context, int error, int64_t now_us);
 
 struct hostapd_control {
     struct loop_watch watch;
-    struct loop_timer timeout, pause;
+    struct loop_timer timeout;
+    struct loop_pause pause;
     bool waiting;       /* for a reply */
     unsigned passed;    /* times that descriptors came */
     int64_t shunned_us; /* until then it isn't connected to, for that */

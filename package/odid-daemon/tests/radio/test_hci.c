@@ -8,6 +8,9 @@
 
 #include <errno.h>
 #include <string.h>
+#include <sys/epoll.h>
+#include <sys/socket.h>
+#include <unistd.h>
 
 #include "loop_until.h"
 #include "pty.h"
@@ -236,6 +239,36 @@ static void half_a_packet_is_forgotten_when_it_is_opened_again(void **state)
     assert_int_equal(got.code, 0x10);
 }
 
+static bool all_came(void)
+{
+    return got.events >= 100;
+}
+
+/* The loop never slept, and the kernel ended the daemon after half a second of it, Wi-Fi with it.
+ */
+static void who_talks_without_end_is_not_listened_to_without_end(void **state)
+{
+    static const uint8_t event[] = {0x04, 0x10, 0x01, 0x42};
+    loop_watch_fn *on_readable = hci.watch.call;
+    int ends[2];
+
+    (void)state;
+    hci_close(&hci);
+    assert_int_equal(socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_NONBLOCK, 0, ends), 0);
+    hci.h4 = false;
+    assert_int_equal(loop_watch(&hci.watch, ends[0], EPOLLIN, on_readable, &hci), 0);
+    for (unsigned i = 0; i < 100; i++) {
+        assert_int_equal(write(ends[1], event, sizeof(event)), sizeof(event));
+    }
+    assert_true(loop_until(an_event_came, 500));
+    assert_int_equal(got.events, 32);
+    run_ms(1);
+    assert_int_equal(got.events, 32);
+    assert_true(loop_until(all_came, 500));
+    close(ends[1]);
+    assert_true(loop_until(it_was_lost, 500));
+}
+
 int main(void)
 {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
@@ -248,6 +281,7 @@ int main(void)
         TEST(packets_that_are_no_events_are_skipped),
         TEST(a_stream_out_of_step_is_lost),
         TEST(an_unplugged_device_is_lost_at_once),
+        TEST(who_talks_without_end_is_not_listened_to_without_end),
         TEST(half_a_packet_is_forgotten_when_it_is_opened_again),
     };
 
