@@ -29,6 +29,7 @@ static void try_again_later(struct beacon_room *room, int64_t now_us)
 void beacon_room_taken(struct beacon_room *room, unsigned given, int64_t now_us)
 {
     room->refusals = 0;
+    room->fitted = given > room->fitted ? given : room->fitted;
     if (beacon_room_is_trial(room, given)) {
         room->taken = 0;
         room->again_us = LOOP_NEVER;
@@ -54,7 +55,9 @@ bool beacon_room_refused(struct beacon_room *room, unsigned given, int64_t now_u
     if (given <= 1) {
         return false;
     }
-    room->most = given > 4 ? 4 : 1; /* with three there were no System */
+    /* What fitted, unless that is over; else four: with three there were no System. */
+    room->fitted = given > room->fitted ? room->fitted : 0;
+    room->most = room->fitted > 4 ? room->fitted : given > 4 ? 4 : 1;
     try_again_later(room, now_us);
     return true;
 }

@@ -1,8 +1,8 @@
 /*
  * How many messages go into one vendor element: all that there are, until the chip refuses that.
- * What it refused for once is given whole again, then without Self-ID and Authentication, then one
- * by one: with three each time a message that is needed would be left out for good. From time to
- * time all is tried again.
+ * What it refused for once is given whole again, then as far as it fitted before, then without
+ * Self-ID and Authentication, then one by one: with three each time a message that is needed would
+ * be left out for good. From time to time all is tried again.
  */
 #ifndef ODID_BEACON_ROOM_H
 #define ODID_BEACON_ROOM_H
@@ -12,6 +12,7 @@
 
 struct beacon_room {
     unsigned most;     /* messages in an element: 1..MESSAGES_PACK_MAX */
+    unsigned fitted;   /* so many were taken once, at most */
     unsigned taken;    /* so many were taken, and more is being tried; 0: no trial */
     unsigned refusals; /* running */
     int64_t again_us, again_wait_us;
