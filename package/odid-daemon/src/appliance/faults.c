@@ -30,7 +30,7 @@ static void read_sentence(const char *directory, const char *name, char out[SENT
 
     out[0] = '\0';
     snprintf(path, sizeof(path), "%s/%.200s", directory, name);
-    text = whole_file_read(path, SENTENCE_MAX, &length);
+    text = whole_file_read_itself(path, SENTENCE_MAX, &length);
     if (text != NULL) {
         text[strcspn(text, "\r\n")] = '\0';
         utf8_clean(out, SENTENCE_MAX, text[0] == '\0' ? "(no more is known)" : text);

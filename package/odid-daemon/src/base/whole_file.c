@@ -34,9 +34,8 @@ static ssize_t read_all(int fd, char *text, size_t size)
     return (ssize_t)filled;
 }
 
-char *whole_file_read(const char *path, size_t max, size_t *length)
+static char *read_opened(int fd, size_t max, size_t *length)
 {
-    int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
     char *text = fd < 0 ? NULL : calloc(1, max + 2);
     ssize_t got;
 
@@ -57,6 +56,16 @@ char *whole_file_read(const char *path, size_t max, size_t *length)
     }
     *length = (size_t)got;
     return text;
+}
+
+char *whole_file_read(const char *path, size_t max, size_t *length)
+{
+    return read_opened(open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK), max, length);
+}
+
+char *whole_file_read_itself(const char *path, size_t max, size_t *length)
+{
+    return read_opened(open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOFOLLOW), max, length);
 }
 
 /* ---- replacing ---- */

@@ -11,6 +11,9 @@
  */
 char *whole_file_read(const char *path, size_t max, size_t *length);
 
+/* The same of a file in a folder of somebody else's: ELOOP when it is a link to another one. */
+char *whole_file_read_itself(const char *path, size_t max, size_t *length);
+
 /* The first line of a file of at most 4 KiB, cut to size; "" when there is none. */
 void whole_file_line(const char *path, char *out, size_t size);
 
