@@ -275,7 +275,7 @@ def is_an_emergency_for_so_long(heard):
     assert all(one.status != EMERGENCY for one in places(heard, 0, 10))
     assert all(one.status == EMERGENCY for one in places(heard, 11.1 + LATE_S, 16))
     assert all(one.message.text == "engine failure" for one in of(heard, SelfId, 14, 16))
-    assert all(one.status == AIRBORNE for one in places(heard, 17.1 + LATE_S))
+    assert all(one.status == AIRBORNE for one in places(heard, 16 + 3.1 + LATE_S))
     assert all(one.message.text != "engine failure" for one in of(heard, SelfId, 20))
 
 

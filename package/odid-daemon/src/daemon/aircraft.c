@@ -264,7 +264,7 @@ static int place_of_id(const struct aircraft *aircraft, uint8_t id_type, int64_t
 static void take_basic_id(struct aircraft *aircraft, const struct telemetry_update *update,
                           int64_t now_us)
 {
-    struct aircraft_native_id *native;
+    struct aircraft_native_id *native, before;
     int slot;
 
     /* Once the vehicle says who it is, nothing stands that somebody else has said of it. */
@@ -280,17 +280,21 @@ static void take_basic_id(struct aircraft *aircraft, const struct telemetry_upda
     }
     if (!aircraft_is_heard(aircraft, GROUND_BASIC_ID, update, false, now_us)) {
         if (strcmp(aircraft->native_basic_id[slot].uas_id, update->basic_id.uas_id) != 0) {
-            aircraft->ids_differ_us = now_us;
+            aircraft->ground[GROUND_BASIC_ID].differ_us = now_us;
         }
         return;
     }
     native = &aircraft->native_basic_id[slot];
+    before = *native;
     aircraft->basic_id_by_another[slot] = update->by_another;
     memcpy(native, &update->basic_id, sizeof(update->basic_id));
     native->said_us = now_us;
     if (native->id_type == ODID_IDTYPE_CAA_REGISTRATION_ID) {
         identifiers_remove_secrets(native->uas_id);
     }
+    aircraft_watch_turns(
+        aircraft, GROUND_BASIC_ID, update,
+        before.id_type != ODID_IDTYPE_NONE && strcmp(before.uas_id, native->uas_id) != 0, now_us);
 }
 
 static bool same_page(const struct aircraft_auth_page *a, const struct aircraft_auth_page *b)

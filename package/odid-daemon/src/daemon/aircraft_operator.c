@@ -13,6 +13,10 @@
 /* An operator stands on Earth. */
 #define OPERATOR_MIN_M -500.0
 #define OPERATOR_MAX_M 9000.0
+/* A station that declares it says so each second. */
+#define EMERGENCY_REPEATED_US 3000000
+/* Two that take turns have changed what is said so often, each time within 10 s. */
+#define TURNS 3
 /* Two places that are nearer than this are one, that moves. */
 #define SAME_PLACE_M 100.0
 
@@ -27,15 +31,19 @@ void aircraft_forget_speaker(struct aircraft *aircraft, enum aircraft_speaker sp
     memset(&aircraft->operator_number[speaker], 0, sizeof(aircraft->operator_number[speaker]));
     memset(&aircraft->system[speaker], 0, sizeof(aircraft->system[speaker]));
     aircraft->description[speaker].said_us = INT64_MIN;
+    aircraft->emergency[speaker].said_us = INT64_MIN;
     aircraft->operator_number[speaker].said_us = INT64_MIN;
-    aircraft->system[speaker].said_us = aircraft->system[speaker].jumped_us = INT64_MIN;
+    aircraft->system[speaker].said_us = INT64_MIN;
+    for (enum aircraft_ground i = 0; i < AIRCRAFT_GROUNDS; i++) {
+        aircraft->ground[i].changed_us[speaker] = INT64_MIN;
+    }
     /* Until a SYSTEM says otherwise: who sends updates has an operator who moves. */
     aircraft->system[speaker].operator_location_type = MAV_ODID_OPERATOR_LOCATION_TYPE_LIVE_GNSS;
     if (speaker == AIRCRAFT_SPEAKER_GROUND) {
         for (enum aircraft_ground i = 0; i < AIRCRAFT_GROUNDS; i++) {
             aircraft->ground[i].said_us = INT64_MIN;
+            aircraft->ground[i].differ_us = INT64_MIN;
         }
-        aircraft->grounds_differ_us = aircraft->ids_differ_us = INT64_MIN;
     }
 }
 
@@ -61,6 +69,29 @@ bool aircraft_is_heard(struct aircraft *aircraft, enum aircraft_ground what,
     return true;
 }
 
+void aircraft_watch_turns(struct aircraft *aircraft, enum aircraft_ground what,
+                          const struct telemetry_update *update, bool changed, int64_t now_us)
+{
+    struct aircraft_ground_speaker *ground = &aircraft->ground[what];
+    enum aircraft_speaker speaker = speaker_of(update);
+
+    if (!changed) {
+        return;
+    }
+    if (!aircraft_still_said(ground->changed_us[speaker], now_us)) {
+        ground->changes[speaker] = 0;
+    }
+    ground->changed_us[speaker] = now_us;
+    if (++ground->changes[speaker] >= TURNS) {
+        ground->differ_us = now_us;
+    }
+}
+
+bool aircraft_two_differ(const struct aircraft *aircraft, enum aircraft_ground what, int64_t now_us)
+{
+    return aircraft_still_said(aircraft->ground[what].differ_us, now_us);
+}
+
 static void take_text(char *to, const char *from, size_t size)
 {
     memcpy(to, from, size);
@@ -69,34 +100,51 @@ static void take_text(char *to, const char *from, size_t size)
 
 /* ---- description ---- */
 
-static bool is_emergency(const struct aircraft_description *description, int64_t now_us)
+static bool declares(const struct aircraft_description *description)
 {
-    return description->type == ODID_DESC_TYPE_EMERGENCY && description->text[0] != '\0' &&
-           aircraft_still_said(description->said_us, now_us);
+    return description->type == ODID_DESC_TYPE_EMERGENCY && description->text[0] != '\0';
+}
+
+/* Another word of the same number ends it when it isn't repeated any more: two may speak by one. */
+static bool emergency_stands(const struct aircraft *aircraft, enum aircraft_speaker speaker,
+                             int64_t now_us)
+{
+    int64_t said_us = aircraft->emergency[speaker].said_us;
+
+    return aircraft_still_said(said_us, now_us) &&
+           (declares(&aircraft->description[speaker]) || now_us - said_us < EMERGENCY_REPEATED_US);
 }
 
 void aircraft_take_self_id(struct aircraft *aircraft, const struct telemetry_update *update,
                            int64_t now_us)
 {
-    struct aircraft_description *description = &aircraft->description[speaker_of(update)];
-    /* But not over one that stands: whoever did it would take it back for the one who declared. */
-    bool urgent = update->self_id.type == ODID_DESC_TYPE_EMERGENCY &&
-                  update->self_id.text[0] != '\0' && !is_emergency(description, now_us);
+    enum aircraft_speaker speaker = speaker_of(update);
+    struct aircraft_description *last = &aircraft->description[speaker];
+    struct aircraft_description word = {.said_us = now_us, .type = update->self_id.type};
+    bool urgent;
 
+    take_text(word.text, update->self_id.text, sizeof(word.text));
+    /* But not over one that stands: whoever did it would take it back for the one who declared. */
+    urgent = declares(&word) && !emergency_stands(aircraft, speaker, now_us);
     if (!aircraft_is_heard(aircraft, GROUND_SELF_ID, update, urgent, now_us)) {
         return;
     }
-    description->said_us = now_us;
-    description->type = update->self_id.type;
-    take_text(description->text, update->self_id.text, sizeof(description->text));
+    aircraft_watch_turns(aircraft, GROUND_SELF_ID, update,
+                         last->said_us != INT64_MIN &&
+                             (last->type != word.type || strcmp(last->text, word.text) != 0),
+                         now_us);
+    *last = word;
+    if (declares(&word)) {
+        aircraft->emergency[speaker] = word;
+    }
 }
 
 const struct aircraft_description *aircraft_emergency_said(const struct aircraft *aircraft,
                                                            int64_t now_us)
 {
     for (enum aircraft_speaker i = 0; i < AIRCRAFT_SPEAKERS; i++) {
-        if (is_emergency(&aircraft->description[i], now_us)) {
-            return &aircraft->description[i];
+        if (emergency_stands(aircraft, i, now_us)) {
+            return &aircraft->emergency[i];
         }
     }
     return NULL;
@@ -126,13 +174,17 @@ void aircraft_take_operator_id(struct aircraft *aircraft, const struct telemetry
                                int64_t now_us)
 {
     struct aircraft_operator_number *number = &aircraft->operator_number[speaker_of(update)];
+    char said[sizeof(number->number)];
 
     if (!aircraft_is_heard(aircraft, GROUND_OPERATOR_ID, update, false, now_us)) {
         return;
     }
+    take_text(said, update->operator_id.operator_id, sizeof(said));
+    aircraft_watch_turns(aircraft, GROUND_OPERATOR_ID, update,
+                         number->said_us != INT64_MIN && strcmp(number->number, said) != 0, now_us);
     number->said_us = now_us;
     number->type = update->operator_id.type;
-    take_text(number->number, update->operator_id.operator_id, sizeof(number->number));
+    memcpy(number->number, said, sizeof(said));
 }
 
 const struct aircraft_operator_number *aircraft_operator_said(const struct aircraft *aircraft)
@@ -205,7 +257,7 @@ bool aircraft_operators_differ(const struct aircraft *aircraft, int64_t now_us)
             is_elsewhere(a, b->latitude_deg, b->longitude_deg)) ||
            (aircraft_operator_told(aircraft, now_us) &&
             aircraft_takeoff_contradicts(aircraft, aircraft_system_said(aircraft, now_us))) ||
-           aircraft_still_said(aircraft->grounds_differ_us, now_us);
+           aircraft_two_differ(aircraft, GROUND_SYSTEM, now_us);
 }
 
 static void take_static_fields(struct aircraft_native_system *system,
@@ -224,21 +276,6 @@ static void take_static_fields(struct aircraft_native_system *system,
     system->area_floor_m = update->system.area_floor_m;
 }
 
-/* Two with the same ids, as two QGroundControls have them, take turns; or an autopilot passes on
- * what each of two says. */
-static void watch_jumps(struct aircraft *aircraft, struct aircraft_native_system *system,
-                        const struct telemetry_update *update, int64_t now_us)
-{
-    bool jumps =
-        place_said(system, now_us) && is_elsewhere(system, update->system.operator_latitude_deg,
-                                                   update->system.operator_longitude_deg);
-
-    if (jumps && aircraft_still_said(system->jumped_us, now_us)) {
-        aircraft->grounds_differ_us = now_us;
-    }
-    system->jumped_us = jumps ? now_us : system->jumped_us;
-}
-
 void aircraft_take_system(struct aircraft *aircraft, const struct telemetry_update *update,
                           int64_t now_us)
 {
@@ -252,18 +289,24 @@ void aircraft_take_system(struct aircraft *aircraft, const struct telemetry_upda
                  (known && (update->system.operator_latitude_deg != system->latitude_deg ||
                             update->system.operator_longitude_deg != system->longitude_deg));
 
-    /* One without a place, as many stations send it each second, is in nobody's way. */
+    /* One without a place, as many stations send it each second, is in nobody's way, whoever's it
+     * is: two may speak by one number. */
+    if (!known && place_said(system, now_us)) {
+        return;
+    }
     if (!aircraft_is_heard(aircraft, GROUND_SYSTEM, update, known && !place_said(system, now_us),
                            now_us)) {
         if (known && is_elsewhere(system, update->system.operator_latitude_deg,
                                   update->system.operator_longitude_deg)) {
-            aircraft->grounds_differ_us = now_us;
+            aircraft->ground[GROUND_SYSTEM].differ_us = now_us;
         }
         return;
     }
-    if (known) {
-        watch_jumps(aircraft, system, update, now_us);
-    }
+    aircraft_watch_turns(aircraft, GROUND_SYSTEM, update,
+                         known && place_said(system, now_us) &&
+                             is_elsewhere(system, update->system.operator_latitude_deg,
+                                          update->system.operator_longitude_deg),
+                         now_us);
     if (update->kind == TELEMETRY_SYSTEM) {
         take_static_fields(system, update);
     }

@@ -101,7 +101,12 @@ enum aircraft_ground {
 
 struct aircraft_ground_speaker {
     uint16_t speaker; /* telemetry_update's */
-    int64_t said_us;  /* INT64_MIN: never */
+    int64_t said_us;  /* INT64_MIN: never; likewise below */
+    /* Two with one number, as two QGroundControls have it, take turns, or an autopilot passes on
+     * what each of two says: how often it has been another word than just before, and when last. */
+    unsigned changes[AIRCRAFT_SPEAKERS];
+    int64_t changed_us[AIRCRAFT_SPEAKERS];
+    int64_t differ_us; /* when two were seen to say two things, last */
 };
 
 struct aircraft_description {
@@ -117,9 +122,8 @@ struct aircraft_operator_number {
 };
 
 struct aircraft_native_system {
-    int64_t said_us;   /* when its timestamp moved last; INT64_MIN: never */
-    int64_t jumped_us; /* when its place was another one than just before, last; INT64_MIN */
-    bool known;        /* not the operator's place only */
+    int64_t said_us; /* when its timestamp moved last; INT64_MIN: never */
+    bool known;      /* not the operator's place only */
     uint8_t operator_location_type, classification_type, category_eu, class_eu;
     double latitude_deg, longitude_deg, altitude_m;
     uint16_t area_count, area_radius_m;
@@ -196,13 +200,12 @@ struct aircraft {
     uint32_t auth_received; /* bit per page */
     int64_t auth_said_us;   /* the last page */
     bool auth_by_another;
-    struct aircraft_description description[AIRCRAFT_SPEAKERS];
+    struct aircraft_description description[AIRCRAFT_SPEAKERS]; /* the last word of each, ... */
+    struct aircraft_description emergency[AIRCRAFT_SPEAKERS];   /* ... that declares one */
     struct aircraft_operator_number operator_number[AIRCRAFT_SPEAKERS];
     struct aircraft_native_system system[AIRCRAFT_SPEAKERS];
     enum aircraft_speaker system_speaker; /* whose counts */
     struct aircraft_ground_speaker ground[AIRCRAFT_GROUNDS];
-    int64_t grounds_differ_us; /* when another one on the ground said another place, last, ... */
-    int64_t ids_differ_us;     /* ... and another identity */
 };
 
 /* ---- aircraft_position.c ---- */
@@ -300,6 +303,14 @@ bool aircraft_still_said(int64_t said_us, int64_t now_us);
  * is urgent is heard. */
 bool aircraft_is_heard(struct aircraft *aircraft, enum aircraft_ground what,
                        const struct telemetry_update *update, bool urgent, int64_t now_us);
+
+/* Of what was heard: changed: it is another thing than the same speaker said before. */
+void aircraft_watch_turns(struct aircraft *aircraft, enum aircraft_ground what,
+                          const struct telemetry_update *update, bool changed, int64_t now_us);
+
+/* Two say two things of it. */
+bool aircraft_two_differ(const struct aircraft *aircraft, enum aircraft_ground what,
+                         int64_t now_us);
 
 /* Somebody declares an emergency now: until it takes that back, or is silent for 10 s. NULL:
  * nobody. */

@@ -347,14 +347,16 @@ void aircraft_condition(const struct aircraft *aircraft, int64_t now_us,
                                       : 0;
     condition->operators_differ = aircraft_operators_differ(aircraft, now_us);
     condition->area_upside_down = is_upside_down(aircraft_system_said(aircraft, now_us));
-    condition->basic_ids_differ = aircraft_still_said(aircraft->ids_differ_us, now_us);
+    condition->basic_ids_differ = aircraft_two_differ(aircraft, GROUND_BASIC_ID, now_us);
     condition->basic_id_conflict = basic_id_conflict(aircraft);
     condition->operator_id_conflict = config->operator_id[0] != '\0' && said->number[0] != '\0' &&
                                       strcmp(config->operator_id, said->number) != 0;
     condition->description_conflict = description_conflict(aircraft, now_us);
     condition->classification_conflict = classification_conflict(aircraft, now_us);
-    condition->operator_ids_differ =
-        config->operator_id[0] == '\0' && operator_ids_differ(aircraft, now_us);
+    condition->operator_ids_differ = config->operator_id[0] == '\0' &&
+                                     (operator_ids_differ(aircraft, now_us) ||
+                                      aircraft_two_differ(aircraft, GROUND_OPERATOR_ID, now_us));
     condition->descriptions_differ =
-        config->description[0] == '\0' && descriptions_differ(aircraft, now_us);
+        (config->description[0] == '\0' && descriptions_differ(aircraft, now_us)) ||
+        aircraft_two_differ(aircraft, GROUND_SELF_ID, now_us);
 }

@@ -206,30 +206,29 @@ static void judge_conflicts(struct health *health, const struct aircraft_conditi
     }
     if (condition->operators_differ) {
         WARNING("operators-differ",
-                "A live place goes before home, else who spoke first. Let one of autopilot and "
-                "ground station send SYSTEM.",
+                "A live place goes before home, else who spoke first, else each in turn. Let one "
+                "of autopilot and station send SYSTEM.",
                 "two tell the operator's place");
     }
     if (condition->operator_ids_differ) {
-        WARNING(
-            "operator-ids-differ",
-            "The autopilot's is broadcast. Make the ground station's the same, or set [operator] "
-            "operator_id.",
-            "two tell the operator ID");
+        WARNING("operator-ids-differ",
+                "The autopilot's is broadcast, else each in turn. Make the ground station's the "
+                "same, or "
+                "set [operator] operator_id.",
+                "two tell the operator ID");
     }
     if (condition->descriptions_differ) {
-        WARNING(
-            "descriptions-differ",
-            "The autopilot's is broadcast. Let one of autopilot and ground station send SELF_ID, "
-            "or set [self_id] description.",
-            "two tell the description");
+        WARNING("descriptions-differ",
+                "The autopilot's goes out, else each in turn; an emergency stands. Let one send "
+                "SELF_ID, or set [self_id] description.",
+                "two tell the description");
     }
     if (condition->basic_ids_differ) {
-        WARNING(
-            "basic-ids-differ",
-            "Who spoke first is broadcast. Let one ground station send BASIC_ID, or set [basic_id] "
-            "uas_id.",
-            "two tell the Basic ID");
+        WARNING("basic-ids-differ",
+                "Who spoke first is broadcast, else each in turn. Let one ground station send "
+                "BASIC_ID, "
+                "or set [basic_id] uas_id.",
+                "two tell the Basic ID");
     }
     if (condition->basic_id_conflict) {
         WARNING("basic-id-conflict",

@@ -189,6 +189,25 @@ static void ground_stations_id(uint8_t id_type, const char *id)
     give(&update);
 }
 
+/* 255/190 is everybody's QGroundControl. */
+static void what_two_of_one_number_say_in_turn_is_told(void **state)
+{
+    (void)state;
+    for (unsigned i = 0; i < 10; i++) {
+        operator_by_ground(i % 2 ? "FIN87astrdge12k8" : "SWE87astrdge12k8");
+        description_by_ground(0, i % 2 ? "sea rescue" : "survey");
+        ground_stations_id(1, i % 2 ? "SSRS5GBG01" : "SSRS5GBG02");
+        look();
+        assert_int_equal(condition.operator_ids_differ, i > 2);
+        assert_int_equal(condition.descriptions_differ, i > 2);
+        assert_int_equal(condition.basic_ids_differ, i > 2);
+        fly(1);
+    }
+    fly(11);
+    assert_false(condition.operator_ids_differ || condition.descriptions_differ ||
+                 condition.basic_ids_differ);
+}
+
 /* One of another type stood beside the right one on every channel. ArduPilot repeats it as its own.
  */
 static void nobody_adds_an_id_to_a_configured_one(void **state)
@@ -496,6 +515,8 @@ static void a_declared_emergency_goes_before_what_is_configured(void **state)
         fly(1);
     }
     description_by_ground(0, "");
+    assert_description("Engine failure", 1, AIRCRAFT_EMERGENCY); /* another one may have said so */
+    fly(2);
     assert_description("Sea rescue surveillance", 0, AIRCRAFT_AIRBORNE);
 }
 
@@ -525,6 +546,7 @@ static void an_empty_description_takes_back_its_senders_only(void **state)
     }
     native_description(2, "Training");
     description_by_ground(1, "");
+    fly(2);
     assert_description("Training", 2, AIRCRAFT_AIRBORNE);
     description_by_ground(0, "Survey");
     assert_description("Training", 2, AIRCRAFT_AIRBORNE);
@@ -834,6 +856,7 @@ int main(void)
         cmocka_unit_test_setup(two_that_are_no_serial_numbers_have_a_place_each, begin_setup),
         cmocka_unit_test_setup(an_identity_of_a_type_that_was_corrected_is_gone, begin_setup),
         cmocka_unit_test_setup(what_two_say_differently_is_told, begin_setup),
+        cmocka_unit_test_setup(what_two_of_one_number_say_in_turn_is_told, begin_setup),
         cmocka_unit_test_setup(what_differs_from_the_configured_description_is_told, begin_setup),
         cmocka_unit_test_setup(of_two_ground_stations_the_first_one_says_who_it_is, begin_setup),
     };

@@ -203,6 +203,7 @@ static void an_unknown_native_operator_is_no_place(void **state)
     fly(5);
     update = system_message(TELEMETRY_SYSTEM);
     update.system.operator_latitude_deg = update.system.operator_longitude_deg = NAN;
+    fly(10); /* a word without a place takes none back: that it isn't said any more does */
     give(&update);
     look();
     assert_unknown(view.system.operator_latitude_deg);
@@ -467,19 +468,22 @@ static void of_two_ground_stations_the_first_one_counts_until_it_is_silent(void 
 /* QGroundControl without a place of its own sends 0,0 each second; and 255/190 is everyone's. */
 static void who_has_no_place_is_in_nobodys_way(void **state)
 {
+    static const uint16_t with_a_place[] = {ANOTHER_STATION, PILOTS_STATION};
+
     (void)state;
-    fly(5);
-    for (unsigned i = 0; i < 10; i++) {
+    for (unsigned i = 0; i < 20; i++) {
         struct telemetry_update none = system_message(TELEMETRY_SYSTEM);
 
+        fly(i % 10 == 0 ? 11 : 1);
         none.by_another = true;
         none.speaker = PILOTS_STATION;
         none.system.operator_latitude_deg = none.system.operator_longitude_deg = 0;
         give(&none);
-        say_as(ANOTHER_STATION, LIVE, 51);
+        look();
+        assert_true(i % 10 == 0 || operator_is(51));
+        say_as(with_a_place[i / 10], LIVE, 51);
         assert_true(operator_is(51));
         assert_false(condition.operators_differ);
-        fly(1);
     }
 }
 
@@ -542,15 +546,46 @@ static void an_emergency_is_taken_back_by_who_declared_it(void **state)
     look();
     assert_string_equal(view.description, "engine failure");
     assert_int_equal(view.location.status, AIRCRAFT_EMERGENCY);
-    give(&ended);
-    look();
-    assert_int_not_equal(view.location.status, AIRCRAFT_EMERGENCY);
+    for (unsigned i = 0; i < 8; i++) { /* it says so, and doesn't say the other any more */
+        give(&ended);
+        look();
+        assert_true(i < 6 || view.location.status != AIRCRAFT_EMERGENCY);
+        fly(0.5);
+    }
+    assert_false(condition.descriptions_differ);
     give(&theirs);
     look();
     assert_string_equal(view.description, "bird strike");
     give(&ended); /* that one is another's */
     look();
     assert_int_equal(view.location.status, AIRCRAFT_EMERGENCY);
+}
+
+/* Everybody's QGroundControl is 255/190: a second one's ordinary text took it off the air. */
+static void an_emergency_stands_while_another_of_its_number_says_otherwise(void **state)
+{
+    struct telemetry_update declared = described(PILOTS_STATION, 1, "engine failure");
+    struct telemetry_update others = described(PILOTS_STATION, 0, "survey");
+
+    (void)state;
+    fly(5);
+    for (unsigned i = 0; i < 30; i++) {
+        give(&declared);
+        for (unsigned j = 0; j < 4; j++) {
+            give(&others);
+            look();
+            assert_string_equal(view.description, "engine failure");
+            assert_int_equal(view.location.status, AIRCRAFT_EMERGENCY);
+            assert_true(i < 2 || condition.descriptions_differ);
+            fly(0.25);
+        }
+    }
+    for (unsigned i = 0; i < 20; i++) {
+        give(&others);
+        fly(1);
+    }
+    assert_string_equal(view.description, "survey");
+    assert_false(condition.descriptions_differ);
 }
 
 /* ArduPilot passes on what the ground station says. */
@@ -651,6 +686,8 @@ int main(void)
         cmocka_unit_test_setup(of_two_ground_stations_the_first_one_counts_until_it_is_silent,
                                begin_setup),
         cmocka_unit_test_setup(an_emergency_is_taken_back_by_who_declared_it, begin_setup),
+        cmocka_unit_test_setup(an_emergency_stands_while_another_of_its_number_says_otherwise,
+                               begin_setup),
         cmocka_unit_test_setup(one_place_by_two_ways_is_no_difference, begin_setup),
         cmocka_unit_test_setup(who_has_no_place_is_in_nobodys_way, begin_setup),
         cmocka_unit_test_setup(two_stations_of_one_number_are_told, begin_setup),
