@@ -71,10 +71,10 @@ void telemetry_odid_address(const mavlink_message_t *message, struct telemetry_o
     to->other_aircraft = !all_zero(id_or_mac, sizeof(id_or_mac));
 }
 
-/* -1000 m is "unknown" in every altitude field. */
+/* -1000 m is "unknown" in every altitude field, and so is what none of them can say. */
 static double altitude(double value_m)
 {
-    return isfinite(value_m) && value_m > MIN_ALT ? value_m : NAN;
+    return value_m > MIN_ALT && value_m <= MAX_ALT ? value_m : NAN;
 }
 
 /* 0,0 means unknown, for both; so does what is nowhere on Earth. */

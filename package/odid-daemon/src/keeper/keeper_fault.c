@@ -9,9 +9,10 @@
 
 static int write_line(int directory, const char *name, const char *sentence)
 {
-    int fd = openat(directory, name, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
-    int result;
+    int fd, result;
 
+    (void)unlinkat(directory, name, 0); /* on a Debian the daemon may have made something there */
+    fd = openat(directory, name, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644);
     if (fd < 0) {
         return -errno;
     }

@@ -372,6 +372,11 @@ static void a_system_message_is_read(void **state)
     assert_true(isnan(latest()->system.operator_altitude_m));
     assert_true(isnan(latest()->system.area_ceiling_m));
     assert_true(isnan(latest()->system.area_floor_m));
+    in.area_ceiling = 3e38F; /* more than any field can say */
+    in.area_floor = INFINITY;
+    feed(frame_open_drone_id_system(VEHICLE, AUTOPILOT, &in));
+    assert_true(isnan(latest()->system.area_ceiling_m));
+    assert_true(isnan(latest()->system.area_floor_m));
 }
 
 static void a_system_update_is_read(void **state)
