@@ -101,7 +101,7 @@ def make_layer(files, root, architecture, when):
         layer.put(f"usr/lib/{triplet}/{name}", path.read_bytes())
     for folder in ("dev", "proc", "sys", "tmp", "run"):
         layer.folder(folder)
-    for folder in ("run/odid", "run/odid-faults"):
+    for folder in ("run/odid", "run/odid_faults"):
         layer.folder(folder, 0o1777)  # a memory file system takes its place there, and its mode; its owner it doesn't
     return layer.bytes()
 

@@ -77,7 +77,7 @@ def test_it_is_started_at_every_start_of_the_computer(root, deb):
 
 def test_purged_it_leaves_nothing(root, deb):
     root.dpkg("-i", deb)
-    (root.folder / "run/odid-faults").mkdir(parents=True)
+    (root.folder / "run/odid_faults").mkdir(parents=True)
     (root.folder / "etc/odid/.lock").touch()  # odidctl set's
     root.dpkg("-r", "odid")
     assert (root.folder / CONFIG).exists(), "removed, the configuration stays"

@@ -13,6 +13,7 @@ EXPECTED = {
     "/etc/odid/odid.conf",
     "/lib/systemd/system/odid.service", "/lib/systemd/system/odid-hostapd@.service",
     "/lib/systemd/system/odid-beacons@.service", "/lib/systemd/system/odid-hostapd-watch@.service",
+    "/lib/systemd/system/run-odid.mount", "/lib/systemd/system/run-odid_faults.mount",
     "/lib/udev/rules.d/90-odid.rules",
     "/usr/bin/odidctl", "/usr/sbin/odid-daemon", "/usr/sbin/odid-keeper", "/usr/sbin/odid-beacons",
     "/usr/lib/NetworkManager/conf.d/90-odid.conf",

@@ -111,6 +111,21 @@ def test_what_it_may_do(companion):
     assert companion.status()["privilege"]["realtime"] is True
 
 
+@pytest.mark.parametrize("folder", ["/run/odid", "/run/odid_faults"])
+def test_a_daemon_that_was_taken_over_fills_nothing_that_others_need(companion, folder):
+    """The access point couldn't be started again, also when the daemon was back: there was no room for its key."""
+    number = companion.must("pidof odid-daemon").split()[0]
+    user = companion.must("id -u odid").strip()
+    as_daemon = f"nsenter -t {number} -m -S {user} -G {user}"
+    try:
+        assert companion.run(f"{as_daemon} dd if=/dev/zero of={folder}/more bs=1M count=1000").code != 0
+        assert int(companion.must("df --output=avail -k /run | tail -n 1")) > 1000
+        for place in ("/tmp", "/var/tmp"):
+            assert companion.run(f"{as_daemon} touch {place}/more").code != 0
+    finally:
+        companion.must(f"rm -f {folder}/more")
+
+
 def test_the_access_point_switches_no_radio_off(companion):
     """Strangers speak to it: taken over, it would have had both radios silent."""
     number = companion.must("pidof hostapd").split()[0]

@@ -16,7 +16,7 @@
 #define PLACES_DATA "/data"
 #ifdef ODID_COMPANION
 #define PLACES_COMPANION true
-#define PLACES_FAULTS "/run/odid-faults"
+#define PLACES_FAULTS "/run/odid_faults"
 #define PLACES_CONFIG CONFIG_FILE
 #else
 #define PLACES_COMPANION false
