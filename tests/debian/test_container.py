@@ -111,7 +111,8 @@ class Podman:
 # What docs/debian.md says, but for the limits that only somebody who may raise them can give, and for the timer of the health
 # check, which is systemd's.
 RUN = ("--read-only", "--read-only-tmpfs=false", "--cap-drop", "all", "--cap-add", "NET_ADMIN,NET_RAW", "--network", "host",
-       "--tmpfs", "/run/odid", "--tmpfs", "/run/odid_faults", "--no-healthcheck", "--ulimit", "nofile=1024:1024", "--ulimit", "nproc=1024:1024")
+       "--tmpfs", "/run/odid:size=256k", "--tmpfs", "/run/odid_faults:size=256k", "--no-healthcheck",
+       "--ulimit", "nofile=1024:1024", "--ulimit", "nproc=1024:1024")
 
 
 @pytest.fixture(scope="module")

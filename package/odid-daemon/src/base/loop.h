@@ -62,7 +62,7 @@ struct loop_pause {
     struct loop_watch *watch;
 };
 
-/* Once per pause, before it is made. */
+/* Before the first one; may be called again where the descriptor is watched anew. */
 void loop_pause_init(struct loop_pause *pause, struct loop_watch *watch);
 void loop_pause_reading(struct loop_pause *pause, int64_t now_us);
 

@@ -213,8 +213,7 @@ static void judge_conflicts(struct health *health, const struct aircraft_conditi
     if (condition->operator_ids_differ) {
         WARNING("operator-ids-differ",
                 "The autopilot's is broadcast, else each in turn. Make the ground station's the "
-                "same, or "
-                "set [operator] operator_id.",
+                "same, or set [operator] operator_id.",
                 "two tell the operator ID");
     }
     if (condition->descriptions_differ) {
@@ -226,8 +225,7 @@ static void judge_conflicts(struct health *health, const struct aircraft_conditi
     if (condition->basic_ids_differ) {
         WARNING("basic-ids-differ",
                 "Who spoke first is broadcast, else each in turn. Let one ground station send "
-                "BASIC_ID, "
-                "or set [basic_id] uas_id.",
+                "BASIC_ID, or set [basic_id] uas_id.",
                 "two tell the Basic ID");
     }
     if (condition->basic_id_conflict) {
