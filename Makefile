@@ -4,7 +4,8 @@
 .DELETE_ON_ERROR:
 MAKEFLAGS += --no-builtin-rules
 
-DAEMON := package/odid-daemon
+# Not DAEMON: that says which one the tests take, and make would hand on what it makes of it.
+DAEMON_SOURCE := package/odid-daemon
 JOBS := $(shell nproc 2>/dev/null || echo 2)
 
 # What set-up and the bench fetch from Debian and PyPI is kept here: another checkout, and this one after
@@ -33,7 +34,7 @@ OPTIONS = $(foreach name,FLIGHT SECONDS TEST_DATA LOSS KEYS,$(if $($(name)),$(na
 RUN = env $(OPTIONS) MAVLINK_DIR='$(MAVLINK)' PYTHONPATH=tests PYTHONPYCACHEPREFIX=build/pycache \
 	build/venv/bin/python3
 
-CONFIGURE = cmake -S $(DAEMON) -G 'Unix Makefiles' -DODID_WERROR=ON \
+CONFIGURE = cmake -S $(DAEMON_SOURCE) -G 'Unix Makefiles' -DODID_WERROR=ON \
 	-DOPENDRONEID_DIR='$(OPENDRONEID)' -DMAVLINK_DIR='$(MAVLINK)'
 
 # cmake is asked every time (it finds new files and changed paths) and is silent unless it fails.
@@ -354,8 +355,8 @@ check: build/venv/stamp debian-tests
 	@$(RUN) tests/run/check.py
 
 format: debian-tests
-	@clang-format -i $(wildcard $(DAEMON)/src/*/*.[ch] $(DAEMON)/tests/*.[ch] $(DAEMON)/tests/*/*.[ch] $(DAEMON)/fuzz/*.[ch] \
-		$(DAEMON)/fuzz/*/*.[ch])
+	@clang-format -i $(wildcard $(DAEMON_SOURCE)/src/*/*.[ch] $(DAEMON_SOURCE)/tests/*.[ch] $(DAEMON_SOURCE)/tests/*/*.[ch] $(DAEMON_SOURCE)/fuzz/*.[ch] \
+		$(DAEMON_SOURCE)/fuzz/*/*.[ch])
 
 .PHONY: clean
 clean:

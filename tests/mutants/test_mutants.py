@@ -1,5 +1,9 @@
 """What `make mutants` puts into the daemon can still be put in."""
 
+import os
+import subprocess
+
+import parts
 from mutants.laws import CASES
 from mutants.named import NAMED
 from mutants.places import places
@@ -20,6 +24,13 @@ def test_a_verdict_holds_for_the_sources_that_it_was_found_of(tmp_path):
     kept.add(change, "caught", "test_some")
     kept.add(("some.c", 3, 4, "1", "2"), "survived", "")
     assert Kept(path, "these").found == {change: ("caught", "test_some")} and Kept(path, "others").found == {}
+
+
+def test_make_hands_on_which_daemon_is_tried():
+    """A test that calls `make simulate` flew another one, or none."""
+    said = subprocess.run(["make", "--silent", "--eval", "told:\n\t@echo $$DAEMON", "told"], cwd=parts.ROOT, check=True,
+                          env={**os.environ, "DAEMON": "/some/daemon"}, stdout=subprocess.PIPE, text=True)
+    assert said.stdout == "/some/daemon\n"
 
 
 def test_each_survivor_is_still_there():
