@@ -2101,6 +2101,27 @@ def test_a_config_that_was_saved_before_the_settings_were_lost_counts_and_nothin
     assert not powered_on(with_data, "saved since\n")
 
 
+# odidctl import, where what is in /data is damaged
+FINDS_DAMAGE = """#!/bin/sh
+[ "$1" != import ] || [ ! -e /damaged ] || {
+	[ -e /data/odid/settings-lost ] || : >/data/odid/settings-lost
+	echo "config's" >/data/odid/odid.conf
+	echo old >/data/odid/odid.conf.imported
+	rm /damaged
+}
+"""
+
+
+def test_damaged_settings_are_lost_ones(with_config, with_data):
+    """CONFIG's stood in for them, and nobody said so."""
+    with_data.write("usr/bin/odidctl", FINDS_DAMAGE)
+    with_data.write("data/odid/odid.conf", "\0" * 112)
+    with_data.write("damaged", "")
+    for _ in range(3):
+        assert powered_on(with_data) and with_data.read("data/odid/odid.conf") == "config's\n"
+    assert not powered_on(with_data, "saved since\n")
+
+
 def test_a_factory_reset_ends_what_was_lost(with_config, with_data):
     assert powered_on(with_data)
     with_data.write("checked", "/run/config: would be taken over\n")
@@ -2161,6 +2182,14 @@ def test_what_comes_back_with_the_mended_disk_counts(in_memory, name, on_disk, r
     assert in_memory.calls().count("apply") == applied
     assert "was repaired or made anew" in in_memory.fault("data")
     assert ("counts from the next power-on" in in_memory.fault("data")) == bool(refused)
+
+
+def test_damaged_settings_on_the_mended_disk_are_lost_ones(with_config, in_memory):
+    in_memory.write("usr/bin/odidctl", FINDS_DAMAGE)
+    in_memory.write("run/mended/odid/odid.conf", "\0" * 112)
+    in_memory.write("damaged", "")
+    mend(in_memory)
+    assert in_memory.read("data/odid/odid.conf") == "config's\n" and in_memory.fault("settings") is not None
 
 
 @pytest.mark.parametrize("name", ["odid/odid.conf", "ssh/authorized_keys"])

@@ -1,9 +1,11 @@
 #include "appliance/import_kept.h"
 
+#include <errno.h>
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "appliance/places.h"
 #include "base/fingerprint.h"
@@ -11,7 +13,8 @@
 #include "config/config_keys.h"
 
 #define BESIDE_SIZE (PLACES_PATH_SIZE + 16)
-#define LINE_SIZE 20
+#define FINGERPRINT_SIZE 16 /* hexadecimal digits */
+#define LINE_SIZE (FINGERPRINT_SIZE + 2)
 #define FILE_MAX 65536 /* as for whoever reads it */
 
 static void fingerprint_line(const char *text, size_t length, char line[LINE_SIZE])
@@ -38,19 +41,33 @@ bool import_sound(const char *path)
     return is_sound(path, 1);
 }
 
-bool import_kept(const char *path, const char *text, size_t length)
+static bool is_fingerprint_line(const char *line)
+{
+    return strspn(line, "0123456789abcdef") == FINGERPRINT_SIZE &&
+           strcmp(line + FINGERPRINT_SIZE, "\n") == 0;
+}
+
+/* What a sound disk never has: neither of the two is written in part (import_keep). */
+enum import_before import_look(const char *path, const char *text, size_t length)
 {
     char beside[BESIDE_SIZE], now[LINE_SIZE];
-    char *before;
+    bool sound = is_sound(path, length > 0 ? 1 : 0);
+    enum import_before found = IMPORT_NEW;
     size_t before_length;
-    bool same;
+    char *before;
 
     snprintf(beside, sizeof(beside), "%s.imported", path);
     fingerprint_line(text, length, now);
     before = whole_file_read(beside, 64, &before_length);
-    same = before != NULL && strcmp(before, now) == 0 && is_sound(path, length > 0 ? 1 : 0);
+    if (before == NULL) {
+        found = errno == ENOENT && (sound || access(path, F_OK) < 0) ? IMPORT_NEW : IMPORT_LOST;
+    } else if (!is_fingerprint_line(before)) {
+        found = IMPORT_LOST;
+    } else if (strcmp(before, now) == 0) {
+        found = sound ? IMPORT_KEPT : IMPORT_LOST;
+    }
     free(before);
-    return same;
+    return found;
 }
 
 /* The fingerprint last: without it the same is imported once more, which is harmless. */

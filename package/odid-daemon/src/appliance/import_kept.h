@@ -13,8 +13,14 @@
 /* Can the file be read, and is it a text as one that was put there? */
 bool import_sound(const char *path);
 
-/* Was just this text put there, and is something sound there still? */
-bool import_kept(const char *path, const char *text, size_t length);
+enum import_before {
+    IMPORT_NEW,  /* another text, or nothing, was put there */
+    IMPORT_KEPT, /* just this one was, and something sound is there still */
+    IMPORT_LOST, /* of what was put there, or set there since, a damaged disk has left nothing */
+};
+
+/* What was there before this text is put there. */
+enum import_before import_look(const char *path, const char *text, size_t length);
 
 /* Puts it there. Returns 0, or -errno. */
 int import_keep(const char *path, const char *text, size_t length, mode_t mode);

@@ -352,13 +352,26 @@ static int say_unwritten(const char *path, int result)
     return ODIDCTL_NOT_GOOD;
 }
 
+static void lost_mark(const struct places *places, char mark[PLACES_PATH_SIZE])
+{
+    snprintf(mark, PLACES_PATH_SIZE, "%s/odid/settings-lost", places->data);
+}
+
+int settings_mark_lost(const struct places *places)
+{
+    char mark[PLACES_PATH_SIZE];
+
+    lost_mark(places, mark);
+    return access(mark, F_OK) == 0 ? 0 : whole_file_replace(mark, "", 0, 0644);
+}
+
 /* Who saves settings has seen which ones are in force: that others were lost is over (S30data). */
 static void settle_lost(const struct places *places)
 {
     char mark[PLACES_PATH_SIZE];
 
     if (!places->other_config) {
-        snprintf(mark, sizeof(mark), "%s/odid/settings-lost", places->data);
+        lost_mark(places, mark);
         unlink(mark);
         faults_set(places->faults, "settings", NULL);
     }

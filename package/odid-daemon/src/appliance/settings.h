@@ -15,4 +15,8 @@ int settings_set(const struct places *places, const char *name, char *value);
  */
 int settings_in_force(const struct places *places);
 
+/* What was set is lost: a fault at each power-on (the boot script S40config) until somebody saves
+ * settings. Returns 0, or -errno. */
+int settings_mark_lost(const struct places *places);
+
 #endif

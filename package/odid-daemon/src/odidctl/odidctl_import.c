@@ -14,6 +14,7 @@
 #include "appliance/faults.h"
 #include "appliance/import_kept.h"
 #include "appliance/password.h"
+#include "appliance/settings.h"
 #include "base/log.h"
 #include "base/utf8.h"
 #include "base/whole_file.h"
@@ -175,15 +176,29 @@ static void take_password(struct import *self, const char *path, const char *old
     }
 }
 
+/* What was set since the last import has gone with it, and nobody would know. */
+static int say_lost(struct import *self)
+{
+    const char sentence[] = "what was set in /data is damaged, and lost: this file counts again";
+
+    log_error("%s: %s", self->name, sentence);
+    odidctl_report_line(self->report, "  warning: %s", sentence);
+    return settings_mark_lost(self->places);
+}
+
 /* blanked: a right configuration, without its password. Returns whether it is in force. */
 static bool take_config(struct import *self, const char *blanked, size_t length)
 {
     const char *path = self->places->config;
     size_t kept_length = 0;
     char *kept = config_edit_without_secrets(blanked, length, &kept_length);
+    enum import_before before = kept == NULL ? IMPORT_KEPT : import_look(path, kept, kept_length);
     int result = kept == NULL ? -ENOMEM : 0;
 
-    if (kept != NULL && !import_kept(path, kept, kept_length)) {
+    if (before == IMPORT_LOST) {
+        result = say_lost(self); /* before something sound stands in for it */
+    }
+    if (before != IMPORT_KEPT && result == 0) {
         result = import_keep(path, kept, kept_length, 0644);
         if (result == 0) {
             log_info("%s was taken over", self->name);
@@ -356,7 +371,7 @@ static void keep_keys(struct import *self, const char *text, size_t length)
         result = -errno;
     }
     snprintf(path, sizeof(path), "%s/ssh/authorized_keys", self->places->data);
-    if (result == 0 && !import_kept(path, text, length)) {
+    if (result == 0 && import_look(path, text, length) != IMPORT_KEPT) {
         result = import_keep(path, text, length, 0600);
         if (result == 0) {
             log_info("%s was taken over", self->name);

@@ -281,6 +281,47 @@ static void what_was_damaged_is_taken_over_again(void **state)
     expect_report("odid.conf can't be kept in");
 }
 
+#define LOST "data/odid/settings-lost"
+
+/* Another identity was on the air, and prevent_downgrade gone: CONFIG's counted, and nobody said
+ * so. */
+static void what_was_set_and_is_damaged_is_lost(void **state)
+{
+    static const struct {
+        const char *file, *text;
+        size_t length;
+        bool lost;
+    } cases[] = {
+        {CONF, BYTES("\0\0\0\0"), true},
+        {CONF ".imported", BYTES("\0\0\0\0"), true},
+        {CONF ".imported", BYTES(""), true},
+        {CONF ".imported", BYTES("0123456789abcdef"), true},    /* cut short */
+        {CONF ".imported", BYTES("0123456789abcdef\n"), false}, /* CONFIG was changed */
+        {CONF, BYTES("[wifi]\n"), false},
+    };
+
+    (void)state;
+    for (unsigned i = 0; i < COUNT(cases); i++) {
+        bench_clear(NULL);
+        put("volume/odid.conf", GOOD);
+        assert_int_equal(CALL("import", "volume"), 0);
+        assert_int_equal(CALL("set", "wifi.channel", "3"), 0);
+        assert_int_equal(access(LOST, F_OK), -1);
+        put_bytes(cases[i].file, cases[i].text, cases[i].length);
+        assert_int_equal(CALL("import", "volume"), 0);
+        assert_int_equal(access(LOST, F_OK), cases[i].lost ? 0 : -1);
+        if (cases[i].lost) {
+            expect_file(CONF, GOOD);
+            expect_report("what was set in /data is damaged, and lost: this file counts again");
+        }
+        /* It stays until somebody saves some. */
+        assert_int_equal(CALL("import", "volume"), 0);
+        assert_int_equal(access(LOST, F_OK), cases[i].lost ? 0 : -1);
+        assert_int_equal(CALL("set", "wifi.channel", "6"), 0);
+        assert_int_equal(access(LOST, F_OK), -1);
+    }
+}
+
 /* ---- secrets ---- */
 
 static void the_secret_part_is_not_kept(void **state)
@@ -684,6 +725,7 @@ int main(void)
         TEST(the_date_when_it_is_known),
         TEST(only_when_it_changed),
         TEST(what_was_damaged_is_taken_over_again),
+        TEST(what_was_set_and_is_damaged_is_lost),
         TEST(the_secret_part_is_not_kept),
         TEST(the_password_is_consumed),
         TEST(a_password_that_is_in_memory_only_stays_on_the_volume),
