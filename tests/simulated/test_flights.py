@@ -252,6 +252,20 @@ def test_what_another_daemon_heard_is_no_word_of_one_that_speaks_on(make_flight)
     assert armed_word(flight) == "silent"
 
 
+@pytest.mark.parametrize("telemetry", [False, True])
+def test_a_killed_daemon_has_the_position_again_where_only_native_messages_know_of_a_fix(make_flight, tmp_path, telemetry):
+    """The next one made up a receiver, which then fell silent: nowhere until power-off."""
+    left_out = ("GPS_RAW_INT",) if telemetry else ("GPS_RAW_INT", "GLOBAL_POSITION_INT")
+    write_flight(tmp_path / "native.tlog", FLIGHT_S, native_hz=1,
+                 changed=lambda _, message: [] if message.get_type() in left_out else [message])
+    flight = make_flight(flight=tmp_path / "native.tlog", kept=True)
+    flight.harm(BY_NAME["daemon_killed"], AT_S)
+    flight.fly(60)
+    for track in flight.judged().tracks:
+        late = {location.status for where, location in track.of_type("location") if where.reception.mono - START_US / 1e6 > BACK_S}
+        assert late == {2}, track.channel
+
+
 # As root's file has it; at the first power-on; and where somebody has changed the number since.
 @pytest.mark.parametrize("words", [("-expect-vehicle", "1"), (), ("-expect-vehicle", "7")])
 def test_one_that_says_all_but_heartbeats_from_the_start_is_no_absent_one(make_flight, words):

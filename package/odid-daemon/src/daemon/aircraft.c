@@ -24,7 +24,7 @@ struct aircraft *aircraft_init(const struct config *config, int64_t start_us)
     aircraft.landed_no_us = aircraft.lies_us = INT64_MIN;
     aircraft_forget_receivers(&aircraft);
     aircraft.armed_ended_us = aircraft.auth_said_us = aircraft.unheard_us = INT64_MIN;
-    aircraft.separation_m = NAN;
+    aircraft.separation = (struct aircraft_separation){.m = NAN, .said_us = INT64_MIN};
     aircraft.telemetry.fix_us = aircraft.position_boot_us = INT64_MIN;
     aircraft.waiting_position.came_us = aircraft.waiting_time.came_us = INT64_MIN;
     aircraft.native.fix_us = aircraft.last.fix_us = INT64_MIN;
@@ -63,13 +63,7 @@ void aircraft_restore_fix(struct aircraft *aircraft, bool fix_known, int64_t now
         aircraft->start_us = now_us - AIRCRAFT_FRESH_US;
         return;
     }
-    aircraft->receiver[0] = (struct aircraft_receiver){.said_us = now_us,
-                                                       .fix_type = GPS_FIX_TYPE_2D_FIX,
-                                                       .latitude_deg = NAN,
-                                                       .longitude_deg = NAN,
-                                                       .horizontal_accuracy_m = NAN,
-                                                       .vertical_accuracy_m = NAN,
-                                                       .speed_accuracy_mps = NAN};
+    aircraft->native_rated_us = now_us; /* whoever it was: no receiver that could fall silent */
 }
 
 void aircraft_restore_takeoff(struct aircraft *aircraft, const struct kept_takeoff *takeoff)

@@ -90,9 +90,10 @@ void aircraft_compare_altitudes(struct aircraft *aircraft, int64_t now_us)
                            aircraft->heights_differ);
         return;
     }
-    aircraft->altitudes_differ = native_differs(aircraft_geodetic_m(aircraft, &aircraft->native),
-                                                aircraft_geodetic_m(aircraft, &aircraft->telemetry),
-                                                climbed_m(aircraft), aircraft->altitudes_differ);
+    aircraft->altitudes_differ = native_differs(
+        aircraft_geodetic_m(aircraft, &aircraft->native, now_us),
+        aircraft_geodetic_m(aircraft, &aircraft->telemetry, now_us), climbed_m(aircraft),
+        aircraft->altitudes_differ && !isnan(aircraft_separation_m(aircraft, now_us)));
     aircraft->heights_differ = native_differs(native_height_m, aircraft_height_m(aircraft),
                                               climbed_m(aircraft), aircraft->heights_differ);
 }
@@ -121,7 +122,7 @@ static void fill_from_telemetry(const struct aircraft *aircraft, int64_t now_us,
                            out->fix_us - aircraft->telemetry.fix_us <= ALTITUDE_LATE_US;
 
     if (isnan(out->altitude_geodetic_m) && altitude_counts) {
-        out->altitude_geodetic_m = aircraft_geodetic_m(aircraft, &aircraft->telemetry);
+        out->altitude_geodetic_m = aircraft_geodetic_m(aircraft, &aircraft->telemetry, now_us);
     }
     if (isnan(out->height_m) && altitude_counts) {
         out->height_m = aircraft_height_m(aircraft);

@@ -140,10 +140,11 @@ const struct aircraft_fix *aircraft_best_fix(const struct aircraft *aircraft, in
                : telemetry;
 }
 
-double aircraft_geodetic_m(const struct aircraft *aircraft, const struct aircraft_fix *fix)
+double aircraft_geodetic_m(const struct aircraft *aircraft, const struct aircraft_fix *fix,
+                           int64_t now_us)
 {
     return fix == &aircraft->native ? aircraft->native_location.altitude_geodetic_m
-                                    : fix->altitude_msl_m + aircraft->separation_m;
+                                    : fix->altitude_msl_m + aircraft_separation_m(aircraft, now_us);
 }
 
 /* ---- how often ---- */
@@ -366,13 +367,14 @@ static bool native_moved(const struct aircraft *aircraft, const struct telemetry
     return memcmp(&update->location, &last->received.location, sizeof(update->location)) != 0;
 }
 
-static void correct_px4(struct aircraft *aircraft, struct aircraft_native_location *native)
+static void correct_px4(struct aircraft *aircraft, struct aircraft_native_location *native,
+                        int64_t now_us)
 {
     if (aircraft->autopilot != MAV_AUTOPILOT_PX4) {
         return;
     }
     /* PX4's geodetic altitude is above mean sea level, its barometric one 0 when unknown. */
-    native->altitude_geodetic_m += aircraft->separation_m;
+    native->altitude_geodetic_m += aircraft_separation_m(aircraft, now_us);
     if (fabs(native->altitude_barometric_m) < 1e-6) {
         native->altitude_barometric_m = NAN;
     }
@@ -426,7 +428,7 @@ bool aircraft_take_location(struct aircraft *aircraft, const struct telemetry_up
     native->instant_known = instant_known;
     native->altitude_geodetic_m = update->location.altitude_geodetic_m;
     native->altitude_barometric_m = update->location.altitude_barometric_m;
-    correct_px4(aircraft, native);
+    correct_px4(aircraft, native, now_us);
     aircraft->native.fix_us = instant_us;
     move_to(aircraft, &aircraft->native, update->location.latitude_deg,
             update->location.longitude_deg, now_us);

@@ -28,6 +28,9 @@
  * forgotten. */
 #define FORGOTTEN_PACE 5
 
+/* Whoever forges so many words is seen (belief). */
+#define ENOUGH 4
+
 enum { TELEMETRY, NATIVE };
 
 static void is_now_apart(struct aircraft_apart *apart, int64_t now_us)
@@ -62,6 +65,7 @@ void aircraft_forget_receivers(struct aircraft *aircraft)
 {
     for (unsigned i = 0; i < AIRCRAFT_RECEIVERS; i++) {
         aircraft->receiver[i].said_us = INT64_MIN;
+        aircraft->receiver[i].was_there = false;
         aircraft->receiver[i].near_us[TELEMETRY] = aircraft->receiver[i].near_us[NATIVE] =
             INT64_MIN;
     }
@@ -116,9 +120,9 @@ bool aircraft_receivers_heard(const struct aircraft *aircraft, int64_t now_us)
 bool aircraft_receiver_fell_silent(const struct aircraft *aircraft, int64_t now_us)
 {
     for (unsigned i = 0; i < AIRCRAFT_RECEIVERS; i++) {
-        int64_t said_us = aircraft->receiver[i].said_us;
+        const struct aircraft_receiver *receiver = &aircraft->receiver[i];
 
-        if (said_us != INT64_MIN && !aircraft_fresh(said_us, now_us)) {
+        if (receiver->was_there && !aircraft_fresh(receiver->said_us, now_us)) {
             return true;
         }
     }
@@ -274,16 +278,33 @@ static void forget_heights(struct aircraft *aircraft, const struct aircraft_rece
     }
 }
 
+/* Is this the fourth time in a row? said_us: the time before. */
+static bool is_enough(unsigned *in_a_row, int64_t said_us, int64_t now_us)
+{
+    *in_a_row = aircraft_fresh(said_us, now_us) ? *in_a_row + 1 : 1;
+    return *in_a_row >= ENOUGH;
+}
+
 static void take_separation(struct aircraft *aircraft, const struct aircraft_receiver *receiver,
                             int64_t now_us)
 {
     const struct aircraft_receiver *best = aircraft_receiver(aircraft, now_us);
+    struct aircraft_separation *separation = &aircraft->separation;
 
-    /* The geoid changes by metres over tens of kilometres: the last one holds. */
     if (!isnan(receiver->separation_m) &&
         (best == receiver || best == NULL || isnan(best->separation_m))) {
-        aircraft->separation_m = receiver->separation_m;
+        separation->m = receiver->separation_m;
+        separation->holds =
+            is_enough(&separation->in_a_row, separation->said_us, now_us) || separation->holds;
+        separation->said_us = now_us;
     }
+}
+
+double aircraft_separation_m(const struct aircraft *aircraft, int64_t now_us)
+{
+    const struct aircraft_separation *separation = &aircraft->separation;
+
+    return separation->holds || aircraft_fresh(separation->said_us, now_us) ? separation->m : NAN;
 }
 
 void aircraft_take_gps_raw(struct aircraft *aircraft, const struct telemetry_update *update,
@@ -297,6 +318,8 @@ void aircraft_take_gps_raw(struct aircraft *aircraft, const struct telemetry_upd
     if (is_repeated(receiver, update)) {
         return;
     }
+    receiver->was_there =
+        is_enough(&receiver->in_a_row, receiver->said_us, now_us) || receiver->was_there;
     receiver->said_us = now_us;
     receiver->time_us = update->gps_raw.time_us;
     receiver->separation_m = update->gps_raw.separation_m;
@@ -329,8 +352,8 @@ void aircraft_take_gps_raw(struct aircraft *aircraft, const struct telemetry_upd
                      aircraft->telemetry.vertical_speed_mps,
                      aircraft->telemetry.relative_altitude_m, now_us);
     compare_altitude(aircraft, receiver, &aircraft->native,
-                     aircraft->native_location.altitude_geodetic_m - aircraft->separation_m -
-                         update->gps_raw.altitude_msl_m,
+                     aircraft->native_location.altitude_geodetic_m -
+                         aircraft_separation_m(aircraft, now_us) - update->gps_raw.altitude_msl_m,
                      aircraft->native_location.received.location.vertical_speed_mps,
                      aircraft->native_location.received.location.height_m, now_us);
 }

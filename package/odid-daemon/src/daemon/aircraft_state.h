@@ -58,8 +58,19 @@ struct aircraft_receiver {
     uint64_t time_us;                   /* its own, of whichever clock; 0: not known */
     double latitude_deg, longitude_deg; /* NAN unknown, likewise below */
     double separation_m;
+    unsigned in_a_row; /* words, each within 3 s of the one before */
+    bool was_there;    /* once there were enough of these */
     double horizontal_accuracy_m, vertical_accuracy_m, speed_accuracy_mps;
     int64_t near_us[2]; /* when it was where telemetry's position is, and the native one */
+};
+
+/* Ellipsoid height minus height above mean sea level. It changes by metres over tens of kilometres,
+ * and holds until it is said anew: but not what was said a few times only. */
+struct aircraft_separation {
+    double m;        /* NAN: never said */
+    int64_t said_us; /* INT64_MIN: never */
+    unsigned in_a_row;
+    bool holds;
 };
 
 /* What counts only with a GNSS fix, and came before one was known. */
@@ -180,8 +191,8 @@ struct aircraft {
     unsigned position_boot;                /* ... since which start of the autopilot */
     struct aircraft_receiver receiver[AIRCRAFT_RECEIVERS];
     struct aircraft_apart receivers; /* of each other */
-    int64_t no_fix_us;   /* since when they say that there is none; INT64_MIN: they don't */
-    double separation_m; /* ellipsoid height minus height above mean sea level; NAN unknown */
+    int64_t no_fix_us; /* since when they say that there is none; INT64_MIN: they don't */
+    struct aircraft_separation separation;
 
     struct aircraft_fix native;
     struct aircraft_rate native_rate;
@@ -236,7 +247,8 @@ const struct aircraft_fix *aircraft_best_fix(const struct aircraft *aircraft, in
 bool aircraft_fix_counts(const struct aircraft_fix *fix, int64_t now_us);
 
 /* Altitude above the WGS-84 ellipsoid of a fix of ours; NAN when unknown. */
-double aircraft_geodetic_m(const struct aircraft *aircraft, const struct aircraft_fix *fix);
+double aircraft_geodetic_m(const struct aircraft *aircraft, const struct aircraft_fix *fix,
+                           int64_t now_us);
 
 /* Positions a second: NAN before there were two, 0 when none came for 3 s. */
 double aircraft_rate_hz(const struct aircraft_rate *rate, int64_t now_us);
@@ -252,6 +264,8 @@ bool aircraft_id_is_corrected(const struct aircraft_native_id *id, int64_t at_us
 void aircraft_take_gps_raw(struct aircraft *aircraft, const struct telemetry_update *update,
                            int64_t now_us);
 void aircraft_forget_receivers(struct aircraft *aircraft);
+/* NAN: unknown. */
+double aircraft_separation_m(const struct aircraft *aircraft, int64_t now_us);
 
 /* The one that has a fix, and that the position comes from; of two that are as good the first one.
  * NULL: none has. */
@@ -260,7 +274,8 @@ const struct aircraft_receiver *aircraft_receiver(const struct aircraft *aircraf
 bool aircraft_receivers_differ(const struct aircraft *aircraft, int64_t now_us);
 /* Does any of them say anything, if only that it has none? */
 bool aircraft_receivers_heard(const struct aircraft *aircraft, int64_t now_us);
-/* Was one of them heard, since the autopilot's start, and says nothing for 3 s now? */
+/* Was one of them there, since the autopilot's start, and says nothing for 3 s now? A few words may
+ * be anybody's, or an answer to somebody. */
 bool aircraft_receiver_fell_silent(const struct aircraft *aircraft, int64_t now_us);
 /* A receiver flies on, and this position, while it is fresh, has stayed somewhere else for 12 s;
  * for 3 s where it stands still. */

@@ -13,7 +13,7 @@ static void freeze(struct aircraft *aircraft, const struct aircraft_fix *fix, in
     aircraft->takeoff.known = true;
     aircraft->takeoff.latitude_deg = fix->latitude_deg;
     aircraft->takeoff.longitude_deg = fix->longitude_deg;
-    aircraft->takeoff.altitude_geodetic_m = aircraft_geodetic_m(aircraft, fix);
+    aircraft->takeoff.altitude_geodetic_m = aircraft_geodetic_m(aircraft, fix, now_us);
     /* Not in a native message; plain telemetry's serves when that goes stale in flight. */
     aircraft->takeoff.altitude_msl_m = aircraft_fresh(aircraft->telemetry.fix_us, now_us)
                                            ? aircraft->telemetry.altitude_msl_m
@@ -90,5 +90,5 @@ double aircraft_native_height_m(const struct aircraft *aircraft)
     if (!aircraft->takeoff.known) {
         return NAN;
     }
-    return aircraft_geodetic_m(aircraft, &aircraft->native) - aircraft->takeoff.altitude_geodetic_m;
+    return aircraft->native_location.altitude_geodetic_m - aircraft->takeoff.altitude_geodetic_m;
 }

@@ -178,7 +178,8 @@ static void view_operator(const struct aircraft *aircraft, int64_t now_us,
         out->operator_longitude_deg = aircraft->takeoff.longitude_deg;
         out->operator_altitude_m = aircraft->takeoff.altitude_geodetic_m;
         if (isnan(out->operator_altitude_m)) { /* home, or the separation came later */
-            out->operator_altitude_m = aircraft->takeoff.altitude_msl_m + aircraft->separation_m;
+            out->operator_altitude_m =
+                aircraft->takeoff.altitude_msl_m + aircraft_separation_m(aircraft, now_us);
         }
     } else if (!isnan(config->operator_latitude_deg)) {
         out->operator_source = SOURCE_CONFIGURATION;

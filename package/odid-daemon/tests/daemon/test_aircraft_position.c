@@ -471,11 +471,33 @@ static void without_a_separation_the_geodetic_altitude_is_unknown(void **state)
     fly(2);
     assert_unknown(view.location.altitude_geodetic_m);
     sim.fix_type = 3;
-    fly(2);
+    fly(4);
     assert_near(view.location.altitude_geodetic_m, 84 + 36.4);
     sim.gps = false; /* the geoid stays where it is */
     fly(20);
     assert_near(view.location.altitude_geodetic_m, 84 + 36.4);
+}
+
+/* Somebody else's, where the receiver knows none: a false altitude was broadcast until power-off,
+ * and a native one that was right was not. */
+static void a_separation_that_was_said_once_does_not_stay(void **state)
+{
+    (void)state;
+    sim.native = true;
+    sim.separation_m = NAN;
+    fly(5);
+    assert_near(view.location.altitude_geodetic_m, 125);
+    sim.separation_m = 110;
+    gps();
+    sim.separation_m = NAN;
+    fly(1);
+    assert_true(condition.altitudes_differ);
+    fly(3);
+    assert_false(condition.altitudes_differ);
+    assert_near(view.location.altitude_geodetic_m, 125);
+    sim.native = false;
+    fly(4);
+    assert_unknown(view.location.altitude_geodetic_m);
 }
 
 static void accuracies_follow_the_tables_of_the_standard(void **state)
@@ -594,6 +616,7 @@ int main(void)
         cmocka_unit_test_setup(climbing_is_positive, begin_setup),
         cmocka_unit_test_setup(the_geodetic_altitude_is_above_the_ellipsoid, begin_setup),
         cmocka_unit_test_setup(without_a_separation_the_geodetic_altitude_is_unknown, begin_setup),
+        cmocka_unit_test_setup(a_separation_that_was_said_once_does_not_stay, begin_setup),
         cmocka_unit_test_setup(accuracies_follow_the_tables_of_the_standard, begin_setup),
         cmocka_unit_test_setup(accuracies_that_stopped_are_unknown, begin_setup),
         cmocka_unit_test_setup(the_rate_of_positions_is_measured, begin_setup),

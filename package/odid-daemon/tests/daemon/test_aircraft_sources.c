@@ -621,6 +621,36 @@ static void a_receiver_that_is_silenced_is_no_fix(void **state)
     assert_true(view.location.position_fresh);
 }
 
+/* Whoever they were of: somebody's who speaks as the autopilot, or its answer to somebody who
+ * asked. What was never there can't fall silent, and took the position away until power-off. */
+static void a_few_words_of_a_receiver_are_none_that_falls_silent(void **state)
+{
+    struct telemetry_update word = update_of(TELEMETRY_GPS2_RAW);
+
+    (void)state;
+    sim.gps = false;
+    for (unsigned i = 0; i < 200; i++) {
+        if (i == 50 || i == 55 || i == 60 || i == 100) { /* three in a row, and another one */
+            give(&word);
+        }
+        fly_on_rated(60);
+        assert_true(i < 5 || (i >= 50 && i < 70) || (i >= 100 && i < 110) ||
+                    view.location.position_fresh);
+    }
+}
+
+/* Nobody had said so but the native LOCATION. */
+static void a_restart_of_ours_makes_up_no_receiver(void **state)
+{
+    (void)state;
+    sim.gps = false;
+    aircraft_restore_fix(aircraft, true, now_us);
+    for (unsigned i = 0; i < 60; i++) {
+        fly_on_rated(60);
+        assert_true(view.location.position_fresh);
+    }
+}
+
 /* The first one's place walks away; the second one and the estimator agree. */
 static void a_position_is_near_where_any_receiver_is(void **state)
 {
@@ -896,6 +926,8 @@ int main(void)
         cmocka_unit_test_setup(a_place_that_was_contradicted_does_not_come_back_by_silence,
                                begin_setup),
         cmocka_unit_test_setup(a_receiver_that_is_silenced_is_no_fix, begin_setup),
+        cmocka_unit_test_setup(a_few_words_of_a_receiver_are_none_that_falls_silent, begin_setup),
+        cmocka_unit_test_setup(a_restart_of_ours_makes_up_no_receiver, begin_setup),
         cmocka_unit_test_setup(a_place_that_moves_on_without_its_receiver_counts, begin_setup),
         cmocka_unit_test_setup(a_place_that_only_trembles_stands_still, begin_setup),
         cmocka_unit_test_setup(two_receivers_in_two_places_are_told, begin_setup),
