@@ -255,3 +255,10 @@ def test_no_word_of_other_people_s_reaches_the_terminal(computer):
     said = computer.doctor()[1]
     assert "?[2J" in said and "\x1b" not in said
 
+
+def test_nor_does_a_file_s_name(computer):
+    """NetworkManager makes one of a connection's name, which who is logged in chooses."""
+    files = ILLNESSES["NetworkManager has the interface"][0]
+    computer.add({path.replace("home.nm", "home\33]0;owned\a.nm"): text for path, text in files.items()})
+    _, said = computer.doctor()
+    assert "See:    /etc/NetworkManager/system-connections/home" in said and not re.search(r"[\0-\x09\x0b-\x1f\x7f]", said)

@@ -87,6 +87,15 @@ def test_the_unit_s_exposure(unpacked, tmp_path):
     assert float(found[1]) <= EXPOSURE_MAX, said
 
 
+def test_no_unit_leaves_a_folder_open_to_whoever_takes_it_over(unpacked):
+    """What was written there stayed: memory was full, and the unit's own limit counted that no more once it had ended."""
+    units = [unit.read_text() for unit in (unpacked / "lib/systemd/system").glob("odid*.service")]
+    assert len(units) == 4
+    for unit in units:
+        assert "\nProtectSystem=strict\n" in unit and "\nPrivateTmp=yes\n" in unit
+        assert re.search(r"^InaccessiblePaths=.*-/dev/shm -/dev/mqueue$", unit, re.M)
+
+
 def test_the_unit_says_what_keeps_it_on_the_air(unpacked):
     unit = (unpacked / "lib/systemd/system/odid.service").read_text()
     for line in ("Type=notify", "Restart=always", "StartLimitIntervalSec=0", "User=odid", "ProtectSystem=strict",

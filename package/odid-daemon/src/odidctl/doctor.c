@@ -174,15 +174,22 @@ void doctor_tell(struct doctor *doctor, const char *where, unsigned line, const 
     char sentence[1024], shown[1024];
     va_list arguments;
 
+    /* Names and words of other people's, all of it. */
+
     va_start(arguments, format);
     vsnprintf(sentence, sizeof(sentence), format, arguments);
     va_end(arguments);
-    utf8_clean(shown, sizeof(shown), sentence); /* names and words of other people's */
-    printf("%s\n    Remedy: %s\n", shown, remedy);
-    if (where != NULL && line > 0) {
-        printf("    See:    %s:%u\n", where, line);
-    } else if (where != NULL) {
-        printf("    See:    %s\n", where);
+    utf8_clean(shown, sizeof(shown), sentence);
+    puts(shown);
+    utf8_clean(shown, sizeof(shown), remedy);
+    printf("    Remedy: %s\n", shown);
+    if (where != NULL) {
+        utf8_clean(shown, sizeof(shown), where);
+        printf("    See:    %s", shown);
+        if (line > 0) {
+            printf(":%u", line);
+        }
+        putchar('\n');
     }
     doctor->found++;
 }
