@@ -296,7 +296,6 @@ static int ask_gate(void)
 static bool find_environment(void)
 {
     char problem[160] = "", sentence[240];
-    bool repaired = false;
     int result;
 
     if (!update_environment_find("/dev/disk/odid/env", "/run/environment", ENVIRONMENT_CONFIG,
@@ -304,15 +303,20 @@ static bool find_environment(void)
         result = -EIO;
     } else {
         result = update_variables_read(ENVIRONMENT_CONFIG, ENVIRONMENT_DEFAULTS, self.running,
-                                       &self.variables, &repaired);
+                                       &self.variables, &self.lost);
         snprintf(problem, sizeof(problem), "U-Boot's environment can't be %s",
-                 repaired ? "repaired" : "read");
+                 self.lost ? "repaired" : "read");
     }
     snprintf(sentence, sizeof(sentence),
              "Updates are not possible: %s. Write the image to the disk again.", problem);
     faults_set(FAULTS, "environment", result < 0 ? sentence : NULL);
-    if (repaired) {
-        log_warning("U-Boot's environment was damaged, and is made anew");
+    if (self.lost && result == 0) { /* until power-off: by then it is over */
+        snprintf(sentence, sizeof(sentence),
+                 "U-Boot's environment was damaged, and is made anew. Version %s runs: if another "
+                 "one was installed last, install it again.",
+                 self.version);
+        log_warning("%s", sentence);
+        faults_set(FAULTS, "environment-lost", sentence);
     }
     return result == 0;
 }

@@ -26,6 +26,7 @@ struct service {
     bool data_late;       /* /data is in memory, and had no record of the trial */
     char running, other;  /* slots */
     char version[UPDATE_VERSION_SIZE];
+    bool lost; /* U-Boot's variables were, and those that it has built in said what starts */
     bool time_known;
     bool beside;     /* a bundle came while another update isn't decided: the gate refuses it */
     bool stopping;   /* it was told to end */

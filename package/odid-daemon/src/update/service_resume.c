@@ -129,6 +129,14 @@ static void begin_trial(struct service *self, bool recorded, int64_t now_us)
     }
 }
 
+/* U-Boot starts slot a then, whatever is in it. */
+static void give_up_again(struct service *self, int64_t now_us)
+{
+    snprintf(self->reason, sizeof(self->reason), "It failed its trial.");
+    update_version(&self->update, self->version);
+    service_give_up(self, now_us);
+}
+
 /* What worked before isn't asked for any more: what was set on the disk may not be in force. */
 void service_take_late_record(struct service *self)
 {
@@ -166,6 +174,8 @@ void service_resume(struct service *self, bool first, int64_t now_us)
         /* Without a record it was rolled back by us, and what its server is told stands there. */
         settle(self,
                recorded ? service_report(self, UPDATE_REPORT_FAILED) : UPDATE_REPORT_AS_IT_IS);
+    } else if (self->lost && was_given_up(self)) {
+        give_up_again(self, now_us);
     } else {
         if (recorded && self->record.slot == self->running) {
             service_keep(self, UPDATE_INSTALLED, self->version, "Version %s is installed.",

@@ -61,6 +61,7 @@ static struct {
     bool died;                /* the daemon, after it had said so */
     const char *bt5;          /* its state; Bluetooth 4 is on the air */
     const char *wifi;         /* likewise; NULL: absent */
+    bool lost;                /* both copies of U-Boot's environment are */
     char report;              /* to hawkBit's server */
     bool unattended;          /* nobody asked for what SWUpdate installs */
     unsigned restarts, ended; /* init was told to restart; SWUpdate was ended */
@@ -91,9 +92,12 @@ bool update_environment_find(const char *link, const char *found, const char *co
 int update_variables_read(const char *config, const char *defaults, char running,
                           struct update_variables *variables, bool *repaired)
 {
-    (void)config, (void)defaults, (void)running;
+    (void)config, (void)defaults;
+    if (board.lost) { /* the built-in ones */
+        board.variables = (struct update_variables){.slot = running};
+    }
     *variables = board.variables;
-    *repaired = false;
+    *repaired = board.lost;
     return 0;
 }
 
@@ -316,6 +320,42 @@ static int in_a_folder(void **state)
 }
 
 /* ---- tests ---- */
+
+/* Slot b's 1.1.0 was kept, and U-Boot's built-in variables have slot a: an older version ran, and
+ * nobody said so. */
+static void that_the_environment_was_lost_is_told(void **state)
+{
+    char said[300] = "";
+
+    (void)state;
+    slot_b_is_on_trial();
+    it_is_kept(true);
+    board.lost = true;
+    put(STATE "/slot", "a\n");
+    put(VERSION_FILE, "1.0.0\n");
+    begin(true);
+    board.lost = false;
+    begin(false);
+    pass(5);
+    whole_file_line(FAULTS "/environment-lost", said, sizeof(said));
+    assert_non_null(strstr(said, "Version 1.0.0 runs: if another one was installed last"));
+    assert_int_equal(board.variables.slot, 'a');
+}
+
+/* It isn't in slot a for long, where U-Boot's built-in variables start it again. */
+static void a_version_that_failed_is_given_up_again(void **state)
+{
+    (void)state;
+    board.bt5 = "on air";
+    put(DATA "/" UPDATE_BACK_FILE, "1.1.0\n");
+    put(STATE "/slot", "a\n");
+    put(VERSION_FILE, "1.1.0\n");
+    board.lost = true;
+    begin(true);
+    pass(70);
+    assert_int_equal(board.variables.slot, 'b');
+    assert_true(board.restarts > 0);
+}
 
 static void what_is_written_is_started_when_disarmed(void **state)
 {
@@ -1128,6 +1168,8 @@ static void who_arms_while_it_flushes_is_not_restarted(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup(that_the_environment_was_lost_is_told, setup),
+        cmocka_unit_test_setup(a_version_that_failed_is_given_up_again, setup),
         cmocka_unit_test_setup(what_is_written_is_started_when_disarmed, setup),
         cmocka_unit_test_setup(a_stick_s_update_is_not_started_on_an_old_disarmed, setup),
         cmocka_unit_test_setup(after_one_that_broke_off_hawkbit_is_left_alone, setup),
