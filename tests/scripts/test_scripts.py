@@ -1888,6 +1888,13 @@ def test_a_name_that_was_lost_comes_back_with_the_key_that_was_made_with_it(firs
     assert first_start.calls() == before
 
 
+def test_a_name_that_comes_late_is_the_key_s(first_start):
+    """The boot went on while the disk took it, and the password's key was made with the name that there is without one."""
+    first_start.write("usr/bin/fsync", f"#!/bin/sh\nprintf '%s\\nRemoteID\\n' {KEY} >/data/secrets/maintenance.psk\n")
+    first_start.must("/etc/init.d/S33secrets")
+    assert first_start.read("data/secrets/wifi_ssid") == "RemoteID\n"
+
+
 @pytest.mark.parametrize("damaged", ["a|b", "x" * 40, "\x01\x02"])
 def test_a_damaged_name_takes_remote_id_off_nothing(first_start, damaged):
     """hostapd had no configuration with it, and Wi-Fi stayed silent for good."""
