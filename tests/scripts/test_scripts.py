@@ -2225,7 +2225,7 @@ def test_a_factory_reset_on_a_damaged_disk_is_done_once(in_memory, asked, refuse
     in_memory.write("run/mended/odid/odid.conf", "set before\n")
     in_memory.write("run/mended/secrets/maintenance.psk", KEY + "\n")
     mend(in_memory, """. /lib/odid/data-disk; . /played
-eval "$(sed -n '/^copy_old()/,/^}/p' /etc/init.d/S30data)"
+eval "$(sed -n '/^went_on()/,/^}/p; /^copy_old()/,/^}/p' /etc/init.d/S30data)"
 copy_old
 rm -f /data/odid/factory-reset
 /lib/odid/mend-data broken "$copied" "$reset\"""")
@@ -2267,6 +2267,33 @@ def test_a_late_disk_that_cannot_be_repaired_is_read_all_the_same(in_memory, old
         in_memory.write("usr/bin/flock", "#!/bin/sh\necho one key >/data/odid/odid.conf\n")
         mend(in_memory, "echo broken | /lib/odid/mend-data late '' ''")
         assert in_memory.read("data/odid/odid.conf") == old and "save it again" in in_memory.fault("settings")
+
+
+READS_SLOWLY = PLAYED.replace("mount() {", "mount() { case $* in *noload*) while [ -e /slow ]; do : >/reads; usleep 20000; done ;; esac;") + """
+mount_data() { [ $1 = /data ] && cp -a /run/mended/. /data/; }
+"""
+
+
+@pytest.mark.parametrize("read_only", [True, False])
+def test_a_broken_disk_that_is_read_when_the_boot_went_on_is_not_forgotten(in_memory, read_only):
+    """What CONFIG had brought by then passed for a copy of it, and the disk was made anew."""
+    in_memory.must("rm -rf /data/odid/odid.conf /run/odid-appliance/booted /run/mended")
+    for path, text in {"turns": "", "slow": "", "getro": f"{read_only:d}\n", "run/old-data/odid/odid.conf": "set before\n",
+                       "run/old-data/odid/odid.conf.imported": "old\n", "usr/bin/e2fsck": "#!/bin/sh\nexit 8\n", "played": READS_SLOWLY}.items():
+        in_memory.write(path, text)
+    script = in_memory.start("exec /etc/init.d/S30data")
+    wait_for("the disk to be read", lambda: in_memory.exists("reads"))
+    in_memory.write("run/faults/boot-data", "The boot script S30data did not end within 20 s\n")  # rcS
+    in_memory.write("data/odid/odid.conf", "CONFIG's old one\n")
+    in_memory.write("data/odid/odid.conf.imported", "old\n")
+    in_memory.must("mkdir -p /data/secrets; /etc/init.d/S42in-force")
+    (in_memory.root / "slow").unlink()
+    assert script.wait(LIMIT_S) == 0
+    in_memory.write("run/odid-appliance/booted", "")
+    wait_for("it to count", lambda: "apply" in in_memory.calls())
+    in_memory.end_all()
+    assert "set before" in in_memory.read("data/odid/odid.conf") and in_memory.fault("settings") is None
+    assert ("mke2fs" in str(in_memory.calls())) != read_only
 
 
 @pytest.mark.parametrize("result", [1, 8])  # repaired, with nothing left; made anew
