@@ -10,6 +10,8 @@ SURVIVORS = (
     Survivor("kept.c", "if (fd < 0) {", "<", "<=", "standard input is open: no file gets its number"),
     Survivor("aircraft_view.c", "out->area_count = native->known && native->area_count > 0 ? native->area_count : 1;", "0", "1",
              "one area is what stands in for none"),
+    Survivor("wifi_beacon.c", ": (unsigned)((element->length - MESSAGES_ELEMENT_EMPTY) / MESSAGE_SIZE);", "-", "+",
+             "twice what comes before the messages is less than one of them"),
 )
 
 

@@ -267,7 +267,7 @@ static void a_directory_that_is_gone_is_an_error(void **state)
 static const struct kept_counters some = {
     .legacy.legacy = {[MESSAGE_BASIC_ID] = {.value = 255, .used = true, .content_hash = 1},
                       [MESSAGE_OPERATOR_ID] = {.value = 7, .used = true, .content_hash = 2}},
-    .extended = {.value = 128, .used = true, .content_hash = 0x12345678},
+    .extended = {.value = 128, .used = true, .content_hash = 0x12345600},
     .beacon = {.value = 3, .used = true, .content_hash = UINT32_MAX},
 };
 
