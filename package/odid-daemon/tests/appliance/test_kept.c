@@ -14,6 +14,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/prctl.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -321,6 +322,7 @@ static void counters_that_somebody_holds_are_begun_anew(void **state)
     assert_int_equal(pipe(ready), 0);
     holder = fork();
     if (holder == 0) {
+        prctl(PR_SET_PDEATHSIG, SIGKILL); /* also of a test that failed */
         fd = open(counters_path, O_RDONLY);
         signal(SIGIO, SIG_IGN);
         octet = fd >= 0 && fcntl(fd, F_SETLEASE, F_RDLCK) == 0 ? 'y' : 'n';
