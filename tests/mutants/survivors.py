@@ -12,6 +12,8 @@ SURVIVORS = (
              "one area is what stands in for none"),
     Survivor("wifi_beacon.c", ": (unsigned)((element->length - MESSAGES_ELEMENT_EMPTY) / MESSAGE_SIZE);", "-", "+",
              "twice what comes before the messages is less than one of them"),
+    Survivor("alive.c", "if (self.fd < 0) {", "0", "1", "standard input is open: no socket gets its number"),
+    Survivor("vertical.c", "#define WINDOW_US 1000000", "1000000", "999999", "an autopilot's clock has milliseconds"),
 )
 
 
