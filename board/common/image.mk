@@ -21,7 +21,7 @@ BUILDROOT_DIR ?= $(BUILDROOT_PINNED)
 IMAGE_OUT ?= build/image/$(BOARD)
 IMAGE_OUTS = $(IMAGE_OUT)
 IMAGE_VERSION = $(shell sed -n 's/^project.odid-daemon VERSION \([0-9.]*\).*/\1/p' \
-	$(DAEMON)/CMakeLists.txt)
+	$(DAEMON_SOURCE)/CMakeLists.txt)
 
 # Debian's packages for it; the rest that building needs, Buildroot makes for itself.
 IMAGE_PACKAGES = bc bmap-tools build-essential bzip2 ca-certificates cpio file git openssl patch perl python3 \
@@ -31,7 +31,7 @@ IMAGE_PACKAGES = bc bmap-tools build-essential bzip2 ca-certificates cpio file g
 # commit and is still good has no other date in it; the commit's own time is in /etc/odid-release.
 IMAGE_DATE = 1767225600
 IMAGE_TIME = $(or $(SOURCE_DATE_EPOCH),$(shell git log -1 --format=%ct 2>/dev/null),\
-	$(shell stat -c %Y $(DAEMON)/CMakeLists.txt))
+	$(shell stat -c %Y $(DAEMON_SOURCE)/CMakeLists.txt))
 # MAKEFLAGS: the project's own --no-builtin-rules is not for other people's makefiles. PYTHONHASHSEED:
 # the bill of materials would be in another order each time. FORCE_...: tar's, for those who are root.
 BUILDROOT_MAKE = MAKEFLAGS= PYTHONHASHSEED=0 FORCE_UNSAFE_CONFIGURE=1 SOURCE_DATE_EPOCH=$(IMAGE_DATE) \
