@@ -29,6 +29,7 @@ GNSS_FRESH_S = 3.0  # a fix is known for so long after it was said ...
 GNSS_TOLERANCE_S = 1.1  # ... by the transmitter's clock, of what was heard in between
 DECIDING_SECONDS = 3  # so many tell that the vertical speed is upside down ...
 DECIDING_TOLERANCE_S = 2.0  # ... to a transmitter whose seconds begin at other instants
+BESIDE_S = 0.5  # two positions so near in time are of one place
 POSITION_MESSAGES = ("GLOBAL_POSITION_INT", "OPEN_DRONE_ID_LOCATION")
 _FIRST, _MONO = operator.itemgetter(0), operator.attrgetter("mono")
 RECEIVER_MESSAGES = ("GPS_RAW_INT", "GPS2_RAW")  # the first one's, and a second one's
@@ -63,6 +64,7 @@ class Fix:
 @dataclass
 class FlightLog:
     fixes: list[Fix] = field(default_factory=list)
+    native_undulations: list[tuple[float, float]] = field(default_factory=list)  # mono, metres
     arming_edges: list[float] = field(default_factory=list)  # mono
     armed_from_start: bool = False
     disarmed_mono: float = math.inf  # the first time
@@ -113,6 +115,12 @@ class FlightLog:
         if not self.undulations or start_mono < self.undulations[0][0]:
             found.add(None)
         return found
+
+    def native_undulations_near(self, start_mono: float, end_mono: float) -> list[float]:
+        """By the geodetic altitudes of native positions, fresh at that time, beside telemetry's above the sea."""
+        first = bisect.bisect_right(self.native_undulations, start_mono - GNSS_FRESH_S, key=_FIRST)
+        last = bisect.bisect_right(self.native_undulations, end_mono, key=_FIRST)
+        return [undulation_m for _, undulation_m in self.native_undulations[first:last]]
 
     def heights_m(self, fix: Fix, heard_mono: float) -> set[float | None]:
         """Heights above take-off that are right for a fix.  Before the first arming
@@ -190,6 +198,7 @@ def read_flight_log(path: Path) -> FlightLog:
     for rows in (log.fixes, log.system_times, log.utc, log.undulations, log.fix_types):
         rows.sort(key=lambda row: row.mono if isinstance(row, Fix) else row[0])
     telemetry = [fix for fix in log.fixes if fix.source == POSITION_MESSAGES[0]]
+    log.native_undulations = _native_undulations([fix for fix in log.fixes if fix.source != POSITION_MESSAGES[0]], telemetry)
     _tell_boots_apart(telemetry)
     _complete(log)
     _set_upright(telemetry, log)
@@ -225,6 +234,18 @@ def _native_fix(mono: float, record: dict) -> Fix:
                known(record.get("direction"), 36100, 100),
                hour_s=timestamp_s if timestamp_s is not None and timestamp_s <= 3600 else None,
                rated=timestamp_s is not None and timestamp_s <= 3600 and bool(record.get("horizontal_accuracy")))
+
+
+def _native_undulations(native: list[Fix], telemetry: list[Fix]) -> list[tuple[float, float]]:
+    """Beside the telemetry positions before and after each, which climb meanwhile."""
+    found = []
+    for fix in native:
+        at = bisect.bisect_right(telemetry, fix.mono, key=_MONO)
+        for beside in telemetry[max(0, at - 1):at + 1]:
+            since_s = fix.mono - beside.mono
+            if fix.geodetic_altitude_m is not None and abs(since_s) < BESIDE_S:
+                found.append((fix.mono, fix.geodetic_altitude_m - beside.altitude_msl_m - since_s * beside.vertical_speed_m_s))
+    return found
 
 
 def _tell_boots_apart(fixes: list[Fix]) -> None:

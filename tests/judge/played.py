@@ -22,6 +22,7 @@ BUILT_BEFORE_S = 0.5  # what is heard was built up to a slot and an advertising 
 YEAR_2019_S = 1546300800
 SYSTEM_S = 4.5  # a System message is repeated for up to 3 s, its time is whole seconds
 LATE_S = 1.0  # a newer position is due on the air after this
+NATIVE_ALTITUDE_M = 1.5  # the field's step, and what is climbed in 0.2 s
 MOTION = ("speed", "vertical_speed", "direction")
 STEP_MARGIN = 1.01  # a field may be rounded or cut to its resolution
 
@@ -203,12 +204,15 @@ def _compare_fields(location: Location, fix: Fix, reception: Reception, log: Fli
     if fix.altitude_msl_m is not None:
         altitudes = {None if u is None else fix.altitude_msl_m + u
                      for u in log.undulations_near(fix.mono, reception.mono)}
+        # What no receiver says, a native message may, to whoever knows at which instants it and telemetry came.
+        native = {fix.altitude_msl_m + u for u in log.native_undulations_near(fix.mono, reception.mono) if None in altitudes}
         if not any(location.geodetic_altitude_m is None if a is None else
-                   _close(a, location.geodetic_altitude_m, 0.5) for a in altitudes):
+                   _close(a, location.geodetic_altitude_m, 0.5) for a in altitudes) and not any(
+                       _close(a, location.geodetic_altitude_m, NATIVE_ALTITUDE_M) for a in native):
             hint = (": above mean sea level instead of the ellipsoid"
                     if _close(fix.altitude_msl_m, location.geodetic_altitude_m, 0.5) else "")
             bad("altitude", f"geodetic altitude (m){hint}",
-                " or ".join("unknown" if a is None else f"{a:.2f}" for a in sorted(altitudes, key=str)),
+                " or ".join("unknown" if a is None else f"{a:.2f}" for a in sorted(altitudes | native, key=str)),
                 location.geodetic_altitude_m)
     _compare_time(location, fix, reception, log, bad)
 

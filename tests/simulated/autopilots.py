@@ -42,6 +42,18 @@ def second_receiver(message):
         message.alt_ellipsoid, 1200, 2000, 300)
 
 
+def knows_no_ellipsoid(craft, message):
+    """As each by MAVLink 1."""
+    if kind(message) == "GPS_RAW_INT":
+        message.alt_ellipsoid = 0
+    return [message]
+
+
+def tells_of_no_receiver(craft, message):
+    """That there is a fix is known by its native LOCATION alone."""
+    return [] if kind(message) == "GPS_RAW_INT" else [message]
+
+
 def has_two_receivers(craft, message):
     return [message, second_receiver(message)] if kind(message) == "GPS_RAW_INT" else [message]
 
@@ -64,6 +76,7 @@ def operator_from_a_ground_station(every_s):
     return changed
 
 
+WITHOUT_RECEIVER = "ArduPilot with Open Drone ID, without GPS_RAW_INT"
 KINDS = {
     "ArduPilot": {},
     "ArduPilot with Open Drone ID": {"native_hz": 1 / 1.05},
@@ -72,6 +85,8 @@ KINDS = {
     "ArduPilot before September 2018": {"changed": climbs_downward},
     "ArduPilot with two receivers": {"changed": has_two_receivers},
     "ArduPilot and a ground station": {"changed": operator_from_a_ground_station(1)},
+    "ArduPilot without an ellipsoid": {"changed": knows_no_ellipsoid},
+    WITHOUT_RECEIVER: {"native_hz": 1 / 1.05, "changed": tells_of_no_receiver},
     "PX4": {"rate_hz": 10, "native_hz": 1, "changed": is_px4},
     "PX4, mended": {"rate_hz": 10, "native_hz": 1, "changed": is_mended_px4},
 }

@@ -26,6 +26,8 @@ SINCE_S = 1.0  # since when a channel is off the air
 SLOWLY_S = 0.7
 WAY_DEG = 6e-4  # 66 m
 MADE_S = 0.3  # the status is made four times a second
+NATIVE_S = 1.05  # from one native LOCATION to the next
+GPS_RAW_INT = bytes((24, 0, 0))  # its number, in a frame
 ROUNDED_S = 0.005  # its instants are
 TOLD_S = 1.3  # it is told each second
 FAILURE, FAILURE_S = 4, 3.9  # Location's status; the autopilot's last word may be a second old
@@ -46,7 +48,7 @@ def broken_laws(flight, until_s):
 
 def judged_by_law(flight, until_s):
     """{law: sentences}; what each of them sees is tried by tests/mutants/laws.py."""
-    flight.windows = with_their_limits(flight.windows)
+    flight.windows = with_their_limits(flight.windows, 0.0 if tells_of_receivers(flight) else NATIVE_S)
     judgement = flight.judged()
     heard = {track.channel: Heard(track) for track in judgement.tracks}
     laws = {
@@ -68,14 +70,20 @@ def judged_by_law(flight, until_s):
     return {law: list(sentences) for law, sentences in laws.items()}
 
 
-def with_their_limits(windows):
+def tells_of_receivers(flight):
+    return any(frame.octets[7:10] == GPS_RAW_INT for frame in flight.autopilot.frames)
+
+
+def with_their_limits(windows, fix_s):
     """Where a daemon began meanwhile it may be another one; and what was done to a radio while none was there, or it hung,
-    is noticed from then on."""
+    is noticed from then on. fix_s: until it is said again that there is a fix."""
     begun = [one for one in windows if one.fault.restarts]
 
     def limited(one):
         if one.fault.begun_s and any(other.lasts(one.begin_s, one.back_s) for other in begun):
             one = one._replace(fault=replace(one.fault, limit_s=one.fault.begun_s))
+        if one.fault.no_position:
+            one = one._replace(fault=replace(one.fault, limit_s=one.fault.limit_s + fix_s))
         if one.fault.part in ("chip", "hostapd"):
             one = one._replace(back_s=max([one.back_s, *(other.back_s for other in begun if
                                                          other.begin_s <= one.begin_s <= other.back_s)]))

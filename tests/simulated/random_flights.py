@@ -32,7 +32,7 @@ import parts
 import program
 from models import front
 from models.flight import write_flight
-from simulated.autopilots import KINDS
+from simulated.autopilots import KINDS, WITHOUT_RECEIVER
 from simulated.faults import BY_NAME, FAULTS
 from simulated.flight import WARM_UP_S, Flight
 from simulated.laws import broken_laws
@@ -54,7 +54,9 @@ def plan(seed, until_s):
     chance = random.Random(f"flight {seed}")
     mode, late, kept, faults = chance.choice(front.MODES), chance.choice(LATE), chance.random() < KEPT, []
     link, autopilot = chance.choice(("serial", "udp")), chance.choice(AUTOPILOTS)
-    possible = [fault for fault in FAULTS if kept or not fault.kept]
+    # Of a lost fix it would tell when its last native LOCATION with one is 3 s old.
+    left_out = "gnss_lost" if autopilot[0] == WITHOUT_RECEIVER else None
+    possible = [fault for fault in FAULTS if (kept or not fault.kept) and fault.name != left_out]
     at_s = WARM_UP_S + chance.uniform(5, 20)
     while at_s < until_s - 2 * REST_S:
         fault, seconds = chance.choice(possible), some_seconds(chance)

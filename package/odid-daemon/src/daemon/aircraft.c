@@ -25,6 +25,7 @@ struct aircraft *aircraft_init(const struct config *config, int64_t start_us)
     aircraft_forget_receivers(&aircraft);
     aircraft.armed_ended_us = aircraft.auth_said_us = aircraft.unheard_us = INT64_MIN;
     aircraft.separation = (struct aircraft_separation){.m = NAN, .said_us = INT64_MIN};
+    aircraft.native_separation_m = NAN;
     aircraft.telemetry.fix_us = aircraft.position_boot_us = INT64_MIN;
     aircraft.waiting_position.came_us = aircraft.waiting_time.came_us = INT64_MIN;
     aircraft.native.fix_us = aircraft.last.fix_us = INT64_MIN;

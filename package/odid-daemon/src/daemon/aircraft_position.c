@@ -43,6 +43,8 @@
 /* Messages come in bursts, GPS_RAW_INT anywhere among them: it confirms what came so shortly
  * before. */
 #define CONFIRMED_WITHIN_US 1000000
+/* Two positions that are so near in time are of one place, but for what it climbs meanwhile. */
+#define BESIDE_S 0.5
 
 bool aircraft_waits(const struct aircraft_waiting *waiting, int64_t now_us)
 {
@@ -143,8 +145,15 @@ const struct aircraft_fix *aircraft_best_fix(const struct aircraft *aircraft, in
 double aircraft_geodetic_m(const struct aircraft *aircraft, const struct aircraft_fix *fix,
                            int64_t now_us)
 {
-    return fix == &aircraft->native ? aircraft->native_location.altitude_geodetic_m
-                                    : fix->altitude_msl_m + aircraft_separation_m(aircraft, now_us);
+    double separation_m = aircraft_separation_m(aircraft, now_us);
+
+    if (fix == &aircraft->native) {
+        return aircraft->native_location.altitude_geodetic_m;
+    }
+    if (isnan(separation_m) && aircraft_fresh(aircraft->native.fix_us, now_us)) {
+        separation_m = aircraft->native_separation_m;
+    }
+    return fix->altitude_msl_m + separation_m;
 }
 
 /* ---- how often ---- */
@@ -380,6 +389,24 @@ static void correct_px4(struct aircraft *aircraft, struct aircraft_native_locati
     }
 }
 
+/* Where no receiver says it: the native altitude itself would be a second behind telemetry's place.
+ */
+static void learn_separation(struct aircraft *aircraft)
+{
+    const struct aircraft_fix *telemetry = &aircraft->telemetry;
+    double since_s;
+
+    if (telemetry->fix_us == INT64_MIN) {
+        return;
+    }
+    since_s = (double)(aircraft->native.fix_us - telemetry->fix_us) * 1e-6;
+    if (fabs(since_s) < BESIDE_S) {
+        aircraft->native_separation_m =
+            aircraft->native_location.altitude_geodetic_m -
+            (telemetry->altitude_msl_m + telemetry->vertical_speed_mps * since_s);
+    }
+}
+
 /* Of one that has lost its time, or lies there and says the same again and again, it counts, too.
  */
 static void take_emergency(struct aircraft_native_location *native, uint8_t status, int64_t now_us)
@@ -430,6 +457,7 @@ bool aircraft_take_location(struct aircraft *aircraft, const struct telemetry_up
     native->altitude_barometric_m = update->location.altitude_barometric_m;
     correct_px4(aircraft, native, now_us);
     aircraft->native.fix_us = instant_us;
+    learn_separation(aircraft);
     move_to(aircraft, &aircraft->native, update->location.latitude_deg,
             update->location.longitude_deg, now_us);
     aircraft->native.altitude_msl_m = NAN;

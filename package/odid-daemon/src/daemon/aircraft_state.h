@@ -193,6 +193,7 @@ struct aircraft {
     struct aircraft_apart receivers; /* of each other */
     int64_t no_fix_us; /* since when they say that there is none; INT64_MIN: they don't */
     struct aircraft_separation separation;
+    double native_separation_m; /* by the native altitude, beside telemetry's above the sea */
 
     struct aircraft_fix native;
     struct aircraft_rate native_rate;

@@ -478,6 +478,28 @@ static void without_a_separation_the_geodetic_altitude_is_unknown(void **state)
     assert_near(view.location.altitude_geodetic_m, 84 + 36.4);
 }
 
+/* It went with a place that was a second newer, and not with the height beside it. */
+static void a_native_altitude_s_separation_serves_where_no_receiver_says_one(void **state)
+{
+    (void)state;
+    sim.gps = false;
+    sim.up_mps = 5;
+    for (unsigned i = 0; i < 50; i++) {
+        if (i % 5 == 2) {
+            struct telemetry_update once_a_second = native_of(now_us);
+
+            once_a_second.location.altitude_geodetic_m = (float)(sim.altitude_m + 36.4);
+            give(&once_a_second);
+        }
+        sim.altitude_m += 1;
+        fly(0.2);
+        if (i > 10) {
+            assert_true(from_telemetry());
+            assert_true(fabs(view.location.altitude_geodetic_m - (sim.altitude_m + 36.4)) < 0.1);
+        }
+    }
+}
+
 /* Somebody else's, where the receiver knows none: a false altitude was broadcast until power-off,
  * and a native one that was right was not. */
 static void a_separation_that_was_said_once_does_not_stay(void **state)
@@ -617,6 +639,8 @@ int main(void)
         cmocka_unit_test_setup(the_geodetic_altitude_is_above_the_ellipsoid, begin_setup),
         cmocka_unit_test_setup(without_a_separation_the_geodetic_altitude_is_unknown, begin_setup),
         cmocka_unit_test_setup(a_separation_that_was_said_once_does_not_stay, begin_setup),
+        cmocka_unit_test_setup(a_native_altitude_s_separation_serves_where_no_receiver_says_one,
+                               begin_setup),
         cmocka_unit_test_setup(accuracies_follow_the_tables_of_the_standard, begin_setup),
         cmocka_unit_test_setup(accuracies_that_stopped_are_unknown, begin_setup),
         cmocka_unit_test_setup(the_rate_of_positions_is_measured, begin_setup),
