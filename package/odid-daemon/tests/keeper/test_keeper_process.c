@@ -352,7 +352,7 @@ static void a_killed_daemon_is_back_at_once(void **state)
     pid_t pid, next;
 
     (void)state;
-    pid = run_until_alive("lives", "0.5", "5");
+    pid = run_until_alive("lives", "5", "30");
     files_before = keeper_files();
     for (unsigned i = 0; i < 2; i++) {
         run_ms(1100); /* not "at once" any more */
@@ -439,11 +439,11 @@ static void one_that_says_so_without_end_is_not_listened_to(void **state)
 /* Its bytes wait in the pipe while the keeper doesn't run. */
 static void a_late_keeper_does_not_mistake_its_own_silence(void **state)
 {
-    pid_t pid = run_until_alive("lives", "0.5", "5");
+    pid_t pid = run_until_alive("lives", "1.5", "15");
 
     (void)state;
     kill(keeper, SIGSTOP);
-    run_ms(1200);
+    run_ms(2000);
     kill(keeper, SIGCONT);
     run_ms(300);
     assert_int_equal(starts(NULL), 1);
@@ -455,7 +455,7 @@ static void two_deaths_by_the_filter_start_it_in_log_mode(void **state)
     char path[64], text[512];
 
     (void)state;
-    run_keeper("filtered", "0.5", "5");
+    run_keeper("filtered", "5", "30");
     while (starts(NULL) < 3 && !keeper_ended()) {
         run_ms(10);
     }
@@ -559,7 +559,7 @@ static void the_daemon_has_nothing_of_the_keepers_but_its_pipe(void **state)
     unsigned others = 0, pipes = 0;
     struct dirent *entry;
     DIR *list;
-    pid_t pid = run_until_alive("lives", "0.5", "5");
+    pid_t pid = run_until_alive("lives", "5", "30");
 
     (void)state;
     snprintf(path, sizeof(path), "/proc/%d/fd", (int)pid);
@@ -627,7 +627,7 @@ static void the_port_stays_taken_between_two_daemons(void **state)
     fd = open(config, O_WRONLY | O_APPEND | O_CLOEXEC);
     dprintf(fd, "[mavlink]\nsource = udp\nudp_port = %u\n", udp.udp_port);
     close(fd);
-    pid = run_until_alive("lives", "0.5", "5");
+    pid = run_until_alive("lives", "5", "30");
     handed_down(pid, first, sizeof(first));
     assert_int_equal(strncmp(first, "socket:", 7), 0);
     kill(keeper, SIGSTOP); /* it can't start the next one meanwhile */
@@ -650,7 +650,7 @@ static void the_port_stays_taken_between_two_daemons(void **state)
 
 static void told_to_end_it_ends_the_daemon_in_order(void **state)
 {
-    pid_t pid = run_until_alive("obeys", "0.5", "5");
+    pid_t pid = run_until_alive("obeys", "5", "30");
 
     (void)state;
     kill(keeper, SIGTERM);
