@@ -54,6 +54,10 @@ def tells_of_no_receiver(craft, message):
     return [] if kind(message) == "GPS_RAW_INT" else [message]
 
 
+def says_native_messages_alone(craft, message):
+    return [] if kind(message) == "GLOBAL_POSITION_INT" else tells_of_no_receiver(craft, message)
+
+
 def has_two_receivers(craft, message):
     return [message, second_receiver(message)] if kind(message) == "GPS_RAW_INT" else [message]
 

@@ -10,6 +10,7 @@ from models.tlog import Decoder
 from pymavlink.dialects.v20 import common
 
 from .autopilot import decoded
+from .autopilots import knows_no_ellipsoid, says_native_messages_alone
 from .flight import Flight
 from .world import START_US
 
@@ -225,25 +226,15 @@ def test_nobody_else_says_where_it_is_while_it_has_no_fix(fly, tmp_path, quiet):
     assert flight.autopilot.said[-1].reason == "two speak as the autopilot"
 
 
-def by_native_messages_alone(craft, message):
-    return [] if message.get_type() in ("GLOBAL_POSITION_INT", "GPS_RAW_INT") else [message]
-
-
 @pytest.mark.parametrize("quiet", [False, True], ids=["own_numbers", "fitting_numbers"])
 def test_a_receiver_that_speaks_once_takes_no_position_away(fly, tmp_path, quiet):
     """It had none that falls silent then, and was nowhere until power-off."""
     def forge(forger):
         forger.flight.at(AT_S, lambda: forger.say(common.MAVLink_gps2_raw_message(0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0)))
-    write_flight(tmp_path / "flight.tlog", END_S + 10, native_hz=1, changed=by_native_messages_alone)
+    write_flight(tmp_path / "flight.tlog", END_S + 10, native_hz=1, changed=says_native_messages_alone)
     for track in fly(tmp_path / "flight.tlog", quiet, forge)[1]:
         late = {location.status for heard, location in track.of_type("location") if flight_s(heard) > KNOWN_S}
         assert late == {2}, track.channel
-
-
-def without_an_ellipsoid(craft, message):
-    if message.get_type() == "GPS_RAW_INT":
-        message.alt_ellipsoid = 0
-    return [message]
 
 
 @pytest.mark.parametrize("quiet", [False, True], ids=["own_numbers", "fitting_numbers"])
@@ -257,7 +248,7 @@ def test_a_geoid_that_is_said_once_does_not_stay(fly, tmp_path, native_hz, secon
         forger.say(common.MAVLink_gps2_raw_message(0, 3, real.lat, real.lon, real.alt, 80, 120, 0, 0, 11, 0, 0, 0, raised, 1200, 2000, 300)
                    if second else
                    common.MAVLink_gps_raw_int_message(0, 3, real.lat, real.lon, real.alt, 80, 120, 0, 0, 11, raised, 1200, 2000, 300))
-    write_flight(tmp_path / "flight.tlog", END_S + 10, native_hz=native_hz, changed=without_an_ellipsoid)
+    write_flight(tmp_path / "flight.tlog", END_S + 10, native_hz=native_hz, changed=knows_no_ellipsoid)
     flight, tracks = fly(tmp_path / "flight.tlog", quiet, lambda forger: forger.flight.at(AT_S, one, forger))
     for track in tracks:
         late = [(flight_s(heard), location.geodetic_altitude_m) for heard, location in track.of_type("location")

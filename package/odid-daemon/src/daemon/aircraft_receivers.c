@@ -65,7 +65,7 @@ void aircraft_forget_receivers(struct aircraft *aircraft)
 {
     for (unsigned i = 0; i < AIRCRAFT_RECEIVERS; i++) {
         aircraft->receiver[i].said_us = INT64_MIN;
-        aircraft->receiver[i].was_there = false;
+        aircraft->receiver[i].in_a_row = 0;
         aircraft->receiver[i].near_us[TELEMETRY] = aircraft->receiver[i].near_us[NATIVE] =
             INT64_MIN;
     }
@@ -122,7 +122,7 @@ bool aircraft_receiver_fell_silent(const struct aircraft *aircraft, int64_t now_
     for (unsigned i = 0; i < AIRCRAFT_RECEIVERS; i++) {
         const struct aircraft_receiver *receiver = &aircraft->receiver[i];
 
-        if (receiver->was_there && !aircraft_fresh(receiver->said_us, now_us)) {
+        if (receiver->in_a_row == ENOUGH && !aircraft_fresh(receiver->said_us, now_us)) {
             return true;
         }
     }
@@ -278,11 +278,12 @@ static void forget_heights(struct aircraft *aircraft, const struct aircraft_rece
     }
 }
 
-/* Is this the fourth time in a row? said_us: the time before. */
-static bool is_enough(unsigned *in_a_row, int64_t said_us, int64_t now_us)
+/* Once there were enough in a row, there were. said_us: the time before. */
+static void count_word(unsigned *in_a_row, int64_t said_us, int64_t now_us)
 {
-    *in_a_row = aircraft_fresh(said_us, now_us) ? *in_a_row + 1 : 1;
-    return *in_a_row >= ENOUGH;
+    if (*in_a_row < ENOUGH) {
+        *in_a_row = aircraft_fresh(said_us, now_us) ? *in_a_row + 1 : 1;
+    }
 }
 
 static void take_separation(struct aircraft *aircraft, const struct aircraft_receiver *receiver,
@@ -294,8 +295,7 @@ static void take_separation(struct aircraft *aircraft, const struct aircraft_rec
     if (!isnan(receiver->separation_m) &&
         (best == receiver || best == NULL || isnan(best->separation_m))) {
         separation->m = receiver->separation_m;
-        separation->holds =
-            is_enough(&separation->in_a_row, separation->said_us, now_us) || separation->holds;
+        count_word(&separation->in_a_row, separation->said_us, now_us);
         separation->said_us = now_us;
     }
 }
@@ -304,7 +304,9 @@ double aircraft_separation_m(const struct aircraft *aircraft, int64_t now_us)
 {
     const struct aircraft_separation *separation = &aircraft->separation;
 
-    return separation->holds || aircraft_fresh(separation->said_us, now_us) ? separation->m : NAN;
+    return separation->in_a_row == ENOUGH || aircraft_fresh(separation->said_us, now_us)
+               ? separation->m
+               : NAN;
 }
 
 void aircraft_take_gps_raw(struct aircraft *aircraft, const struct telemetry_update *update,
@@ -318,8 +320,7 @@ void aircraft_take_gps_raw(struct aircraft *aircraft, const struct telemetry_upd
     if (is_repeated(receiver, update)) {
         return;
     }
-    receiver->was_there =
-        is_enough(&receiver->in_a_row, receiver->said_us, now_us) || receiver->was_there;
+    count_word(&receiver->in_a_row, receiver->said_us, now_us);
     receiver->said_us = now_us;
     receiver->time_us = update->gps_raw.time_us;
     receiver->separation_m = update->gps_raw.separation_m;

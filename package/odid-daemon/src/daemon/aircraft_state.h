@@ -58,8 +58,7 @@ struct aircraft_receiver {
     uint64_t time_us;                   /* its own, of whichever clock; 0: not known */
     double latitude_deg, longitude_deg; /* NAN unknown, likewise below */
     double separation_m;
-    unsigned in_a_row; /* words, each within 3 s of the one before */
-    bool was_there;    /* once there were enough of these */
+    unsigned in_a_row; /* words, each within 3 s of the one before, until there were enough */
     double horizontal_accuracy_m, vertical_accuracy_m, speed_accuracy_mps;
     int64_t near_us[2]; /* when it was where telemetry's position is, and the native one */
 };
@@ -70,7 +69,6 @@ struct aircraft_separation {
     double m;        /* NAN: never said */
     int64_t said_us; /* INT64_MIN: never */
     unsigned in_a_row;
-    bool holds;
 };
 
 /* What counts only with a GNSS fix, and came before one was known. */

@@ -175,7 +175,6 @@ void doctor_tell(struct doctor *doctor, const char *where, unsigned line, const 
     va_list arguments;
 
     /* Names and words of other people's, all of it. */
-
     va_start(arguments, format);
     vsnprintf(sentence, sizeof(sentence), format, arguments);
     va_end(arguments);

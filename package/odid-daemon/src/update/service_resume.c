@@ -114,6 +114,13 @@ static bool take_record(struct service *self)
     return recorded;
 }
 
+static void give_up_again(struct service *self, int64_t now_us)
+{
+    snprintf(self->reason, sizeof(self->reason), "It failed its trial.");
+    update_version(&self->update, self->version);
+    service_give_up(self, now_us);
+}
+
 /* By the record of what worked before. */
 static void begin_trial(struct service *self, bool recorded, int64_t now_us)
 {
@@ -124,17 +131,8 @@ static void begin_trial(struct service *self, bool recorded, int64_t now_us)
     update_try(&self->update, self->version, now_us);
     if (!recorded && was_given_up(self)) {
         self->record.from_server = update_result_is_server_s(DATA);
-        snprintf(self->reason, sizeof(self->reason), "It failed its trial.");
-        service_give_up(self, now_us);
+        give_up_again(self, now_us);
     }
-}
-
-/* U-Boot starts slot a then, whatever is in it. */
-static void give_up_again(struct service *self, int64_t now_us)
-{
-    snprintf(self->reason, sizeof(self->reason), "It failed its trial.");
-    update_version(&self->update, self->version);
-    service_give_up(self, now_us);
 }
 
 /* What worked before isn't asked for any more: what was set on the disk may not be in force. */
@@ -175,7 +173,7 @@ void service_resume(struct service *self, bool first, int64_t now_us)
         settle(self,
                recorded ? service_report(self, UPDATE_REPORT_FAILED) : UPDATE_REPORT_AS_IT_IS);
     } else if (self->lost && was_given_up(self)) {
-        give_up_again(self, now_us);
+        give_up_again(self, now_us); /* U-Boot starts slot a then, whatever is in it */
     } else {
         if (recorded && self->record.slot == self->running) {
             service_keep(self, UPDATE_INSTALLED, self->version, "Version %s is installed.",
