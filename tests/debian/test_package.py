@@ -178,7 +178,8 @@ def access_point(unpacked, tmp_path, interface, *words, **values):
     told = root / "odidctl"
     told.write_text("#!/bin/sh\nprintf '%s\\n' " + " ".join(lines.values()) + "\n")
     told.chmod(0o755)
-    text = (unpacked / "usr/lib/odid/hostapd-config").read_text()
+    text = (unpacked / "usr/lib/odid/hostapd-config").read_text().replace("pkill -KILL -u odid-hostapd", f"echo >{root}/killed")
+    assert "pkill" not in text  # the user that stands in for it has more processes
     script = root / "hostapd-config"
     script.write_text(text.replace(" odid-hostapd", " root").replace(":odid-hostapd", ":root")
                       .replace("=/run/", f"={root}/run/")
@@ -200,21 +201,26 @@ def test_the_access_point_that_is_made(unpacked, tmp_path):
     assert (folder / "psk").stat().st_mode & 0o077 == 0
     access_point(unpacked, tmp_path, "wlan0")
     assert key not in (folder / "psk").read_text(), "the same key twice"
+    assert (tmp_path / "root/killed").exists()  # what its user still had
 
 
 @pytest.mark.parametrize("interface,values", [("wlan1", {}), ("wlan0", {"wifi_beacon_enabled": "false"})])
 def test_another_interface_or_wi_fi_switched_off_has_no_access_point(unpacked, tmp_path, interface, values):
     for words in ((), ("check",)):
         code, folder = access_point(unpacked, tmp_path, interface, *words, **values)
-        assert code == 1 and not folder.exists()
+        assert code == 1 and not folder.exists() and not (tmp_path / "root/killed").exists()
 
 
-def test_whether_it_is_to_be_started_is_found_out_before_it_has_a_folder(unpacked, tmp_path):
-    """ExecCondition is its user's, who may make none."""
+def test_whether_it_is_to_be_started_is_found_out_without_making_anything(unpacked, tmp_path):
+    """By its watch and its counter, which may make nothing."""
     code, folder = access_point(unpacked, tmp_path, "wlan0", "check")
     assert code == 0 and not folder.exists()
-    unit = (unpacked / "lib/systemd/system/odid-hostapd@.service").read_text()
-    assert "\nExecCondition=/usr/lib/odid/hostapd-config %i check\n" in unit and "\nExecStartPre=+/usr/lib/odid/hostapd-config %i\n" in unit
+
+
+def test_an_access_point_that_could_not_be_made_is_tried_again(unpacked, tmp_path):
+    """With 1 systemd would take it for one of another interface, which isn't started."""
+    code, folder = access_point(unpacked, tmp_path, "wlan0", channel="'6|; no sed'")
+    assert code == 255 and folder.exists()
 
 
 def test_what_a_taken_over_access_point_left_keeps_no_other_from_starting(unpacked, tmp_path, monkeypatch):
@@ -272,7 +278,7 @@ def test_an_access_point_that_hangs_is_ended(unpacked, tmp_path, answers, times)
 def test_the_access_point_alone_is_watched(unpacked):
     """A watch of another interface ended the hostapd of the broadcast's each 15 s: that of the other one, somebody else's, didn't answer."""
     units = [(unpacked / f"lib/systemd/system/odid-hostapd{which}@.service").read_text() for which in ("", "-watch")]
-    for line in re.findall(r"^(?:ConditionPathExists|ExecCondition)=.*$", units[0], re.M):
+    for line in re.findall(r"^ConditionPathExists=.*$", units[0], re.M) + ["ExecCondition=/usr/lib/odid/hostapd-config %i check"]:
         assert line in units[1]
 
 
