@@ -76,7 +76,7 @@ def tells_of_receivers(flight):
 
 def with_their_limits(windows, fix_s):
     """Where a daemon began meanwhile it may be another one; and what was done to a radio while none was there, or it hung,
-    is noticed from then on. fix_s: until it is said again that there is a fix."""
+    or shortly before, is noticed from then on. fix_s: until it is said again that there is a fix."""
     begun = [one for one in windows if one.fault.restarts]
 
     def limited(one):
@@ -85,8 +85,9 @@ def with_their_limits(windows, fix_s):
         if one.fault.no_position:
             one = one._replace(fault=replace(one.fault, limit_s=one.fault.limit_s + fix_s))
         if one.fault.part in ("chip", "hostapd"):
+            until_s = one.back_s + one.fault.limit_s
             one = one._replace(back_s=max([one.back_s, *(other.back_s for other in begun if
-                                                         other.begin_s <= one.begin_s <= other.back_s)]))
+                                                         other.begin_s <= until_s and one.begin_s <= other.back_s)]))
         return one
     return [limited(one) for one in windows]
 

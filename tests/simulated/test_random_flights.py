@@ -68,6 +68,9 @@ EVER_FAILED = {
     "the law had a chip noticed by a daemon that hung": (300904, (
         "full", "udp", (0.0, 0), True, ("ArduPilot with two receivers", 5), [
             ("daemon_hangs", 384.154446, 1.935721), ("controller_loses_an_event", 384.314708, 22.013623)])),
+    "the law gave a daemon that began anew no time to bind a chip's driver anew": (401199, (
+        "legacy20", "udp", (0.3, 150000), True, ("ArduPilot with Open Drone ID, 10 Hz", 2), [
+            ("controller_hangs_until_bound_anew", 427.944263, 2.294457), ("daemon_hangs", 430.205247, 7.079487)])),
 }
 
 

@@ -62,6 +62,8 @@ static void parse_line(const char *line, struct kept *kept)
         kept->fix_known = strcmp(word, "yes") == 0;
     } else if (sscanf(line, "vertical-inverted %7s", word) == 1) {
         kept->vertical_inverted = strcmp(word, "yes") == 0;
+    } else if (sscanf(line, "crashed %7s", word) == 1) {
+        kept->crashed = strcmp(word, "yes") == 0;
     } else if (sscanf(line, "armed %7s", word) == 1) {
         parse_armed(word, kept);
     } else if (strncmp(line, "on-air ", strlen("on-air ")) == 0) {
@@ -133,9 +135,11 @@ static size_t show(const struct kept *kept, char text[TEXT_SIZE])
 {
     const struct kept_takeoff *takeoff = &kept->takeoff;
     size_t length = (size_t)snprintf(
-        text, TEXT_SIZE, "vehicle %u\narmed %s\narmed-once %s\nfix %s\nvertical-inverted %s\n",
+        text, TEXT_SIZE,
+        "vehicle %u\narmed %s\narmed-once %s\nfix %s\nvertical-inverted %s\n"
+        "crashed %s\n",
         kept->vehicle, armed_words[kept->armed], yes_or_no(kept->armed_once),
-        yes_or_no(kept->fix_known), yes_or_no(kept->vertical_inverted));
+        yes_or_no(kept->fix_known), yes_or_no(kept->vertical_inverted), yes_or_no(kept->crashed));
 
     length = show_channels("on-air", kept->on_air, text, length);
     length = show_channels("told-lost", kept->told_lost, text, length);

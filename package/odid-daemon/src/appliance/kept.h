@@ -11,6 +11,7 @@
  *   armed-once yes             since power-on: yes or no
  *   fix yes                    the autopilot has a GNSS fix: yes or no
  *   vertical-inverted no       it sends its vertical speed upside down: yes or no
+ *   crashed no                 it said that it crashed, and wasn't armed since: yes or no
  *   on-air bt4 wifi            the channels that were on the air since power-on
  *   told-lost wifi             of these, the ones that the pilot was told are lost
  *   takeoff 57.7 11.9 12 48    in flight: the frozen point, degrees and metres
@@ -45,6 +46,7 @@ struct kept {
     bool armed_once;
     bool fix_known;
     bool vertical_inverted;
+    bool crashed;
     bool on_air[CHANNELS];       /* once, since power-on */
     bool told_lost[CHANNELS];    /* and not yet that they are back */
     struct kept_takeoff takeoff; /* known = false: on the ground, or it wasn't known */

@@ -142,10 +142,11 @@ void loop_pause_init(struct loop_pause *pause, struct loop_watch *watch)
     loop_timer_init(&pause->timer, after_pause, watch);
 }
 
-void loop_pause_reading(struct loop_pause *pause, int64_t now_us)
+/* From now on, however long the work before it has taken. */
+void loop_pause_reading(struct loop_pause *pause)
 {
     loop_watch_events(pause->watch, 0);
-    loop_arm(&pause->timer, now_us + PAUSE_US);
+    loop_arm(&pause->timer, loop_now_us() + PAUSE_US);
 }
 
 static struct loop_timer *earliest(void)

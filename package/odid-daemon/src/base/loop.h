@@ -64,7 +64,7 @@ struct loop_pause {
 
 /* Before the first one; may be called again where the descriptor is watched anew. */
 void loop_pause_init(struct loop_pause *pause, struct loop_watch *watch);
-void loop_pause_reading(struct loop_pause *pause, int64_t now_us);
+void loop_pause_reading(struct loop_pause *pause);
 
 /* Runs until loop_stop. Returns 0, or -errno when the kernel's part failed. */
 int loop_run(void);

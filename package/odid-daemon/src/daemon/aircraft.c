@@ -58,6 +58,11 @@ void aircraft_restore_vertical(struct aircraft *aircraft, bool inverted)
     vertical_restore(&aircraft->vertical, inverted);
 }
 
+void aircraft_restore_crash(struct aircraft *aircraft, bool crashed, int64_t now_us)
+{
+    aircraft->crashed_us = crashed ? now_us : INT64_MIN;
+}
+
 void aircraft_restore_fix(struct aircraft *aircraft, bool fix_known, int64_t now_us)
 {
     if (!fix_known) {
@@ -366,7 +371,7 @@ static void take_system_time(struct aircraft *aircraft, const struct telemetry_u
     bool fix_known = aircraft_fix_known(aircraft, now_us);
 
     autopilot_clock_utc(&aircraft->clock, update->system_time.unix_us, update->system_time.boot_ms,
-                        fix_known, now_us);
+                        fix_known && !aircraft->doubtful, now_us);
     forget_before_restart(aircraft);
     if (!fix_known) {
         aircraft->waiting_time = (struct aircraft_waiting){*update, now_us, now_us};
@@ -384,7 +389,7 @@ static void confirm(struct aircraft *aircraft, int64_t now_us)
     }
     if (aircraft_waits(time, now_us)) {
         autopilot_clock_utc(&aircraft->clock, time->update.system_time.unix_us,
-                            time->update.system_time.boot_ms, true, now_us);
+                            time->update.system_time.boot_ms, !aircraft->doubtful, now_us);
     }
     time->came_us = INT64_MIN;
     if (aircraft_confirm_position(aircraft, now_us)) {

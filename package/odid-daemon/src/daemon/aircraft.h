@@ -107,6 +107,7 @@ struct aircraft_condition {
     bool takeoff_known;
     bool takeoff_is_home;     /* armed unheard or without a fix: its home stands in */
     bool takeoff_is_late;     /* armed without a fix: the first one on the ground stands in */
+    bool crashed;             /* it said so, and wasn't armed since */
     bool fix_known;           /* the autopilot's, within the last 3 s */
     bool apart;               /* its position isn't where its GNSS receiver is, and doesn't count */
     bool simulated;           /* HEARTBEAT says hardware in the loop */
@@ -151,6 +152,7 @@ void aircraft_restore_armed(struct aircraft *aircraft, bool armed);
  * s. It had none, but had spoken: that is said on, and no 3 s begin in which it isn't. */
 void aircraft_restore_fix(struct aircraft *aircraft, bool fix_known, int64_t now_us);
 void aircraft_restore_vertical(struct aircraft *aircraft, bool inverted);
+void aircraft_restore_crash(struct aircraft *aircraft, bool crashed, int64_t now_us);
 /* After that. It counts at once where it was armed, and when the first HEARTBEAT says armed: then
  * the arming edge was before our time. */
 void aircraft_restore_takeoff(struct aircraft *aircraft, const struct kept_takeoff *takeoff);

@@ -28,8 +28,8 @@
  * forgotten. */
 #define FORGOTTEN_PACE 5
 
-/* Whoever forges so many words is seen (belief). */
-#define ENOUGH 4
+/* Whoever forges words for so long is seen (belief). */
+#define ENOUGH_US 10000000
 
 enum { TELEMETRY, NATIVE };
 
@@ -65,7 +65,7 @@ void aircraft_forget_receivers(struct aircraft *aircraft)
 {
     for (unsigned i = 0; i < AIRCRAFT_RECEIVERS; i++) {
         aircraft->receiver[i].said_us = INT64_MIN;
-        aircraft->receiver[i].in_a_row = 0;
+        aircraft->receiver[i].words.enough = false;
         aircraft->receiver[i].near_us[TELEMETRY] = aircraft->receiver[i].near_us[NATIVE] =
             INT64_MIN;
     }
@@ -122,7 +122,7 @@ bool aircraft_receiver_fell_silent(const struct aircraft *aircraft, int64_t now_
     for (unsigned i = 0; i < AIRCRAFT_RECEIVERS; i++) {
         const struct aircraft_receiver *receiver = &aircraft->receiver[i];
 
-        if (receiver->in_a_row == ENOUGH && !aircraft_fresh(receiver->said_us, now_us)) {
+        if (receiver->words.enough && !aircraft_fresh(receiver->said_us, now_us)) {
             return true;
         }
     }
@@ -278,12 +278,14 @@ static void forget_heights(struct aircraft *aircraft, const struct aircraft_rece
     }
 }
 
-/* Once there were enough in a row, there were. said_us: the time before. */
-static void count_word(unsigned *in_a_row, int64_t said_us, int64_t now_us)
+/* Once there were enough, there were. said_us: the time before. */
+static void count_word(const struct aircraft *aircraft, struct aircraft_words *words,
+                       int64_t said_us, int64_t now_us)
 {
-    if (*in_a_row < ENOUGH) {
-        *in_a_row = aircraft_fresh(said_us, now_us) ? *in_a_row + 1 : 1;
+    if (aircraft->doubtful || !aircraft_fresh(said_us, now_us)) {
+        words->since_us = now_us;
     }
+    words->enough = words->enough || now_us - words->since_us >= ENOUGH_US;
 }
 
 static void take_separation(struct aircraft *aircraft, const struct aircraft_receiver *receiver,
@@ -295,7 +297,7 @@ static void take_separation(struct aircraft *aircraft, const struct aircraft_rec
     if (!isnan(receiver->separation_m) &&
         (best == receiver || best == NULL || isnan(best->separation_m))) {
         separation->m = receiver->separation_m;
-        count_word(&separation->in_a_row, separation->said_us, now_us);
+        count_word(aircraft, &separation->words, separation->said_us, now_us);
         separation->said_us = now_us;
     }
 }
@@ -304,9 +306,8 @@ double aircraft_separation_m(const struct aircraft *aircraft, int64_t now_us)
 {
     const struct aircraft_separation *separation = &aircraft->separation;
 
-    return separation->in_a_row == ENOUGH || aircraft_fresh(separation->said_us, now_us)
-               ? separation->m
-               : NAN;
+    return separation->words.enough || aircraft_fresh(separation->said_us, now_us) ? separation->m
+                                                                                   : NAN;
 }
 
 void aircraft_take_gps_raw(struct aircraft *aircraft, const struct telemetry_update *update,
@@ -320,7 +321,7 @@ void aircraft_take_gps_raw(struct aircraft *aircraft, const struct telemetry_upd
     if (is_repeated(receiver, update)) {
         return;
     }
-    count_word(&receiver->in_a_row, receiver->said_us, now_us);
+    count_word(aircraft, &receiver->words, receiver->said_us, now_us);
     receiver->said_us = now_us;
     receiver->time_us = update->gps_raw.time_us;
     receiver->separation_m = update->gps_raw.separation_m;

@@ -18,8 +18,6 @@
 /* Who tells the operator's place seldom, at 3.5 s for instance, is still who tells it; ArduPilot
  * passes each of a ground station's messages on every 5 s. */
 #define AIRCRAFT_SPEAKER_KEPT_US 10000000
-/* Sixteen pages, one a second, come again within this time. */
-#define AIRCRAFT_AUTHENTICATION_KEPT_US 30000000
 
 /* Something is where no receiver is. */
 struct aircraft_apart {
@@ -50,6 +48,12 @@ struct aircraft_fix {
     struct aircraft_rest rest, level; /* by its speed; by its vertical speed */
 };
 
+/* Each within 3 s of the one before, and in no doubt, until there were enough. */
+struct aircraft_words {
+    int64_t since_us;
+    bool enough;
+};
+
 /* GPS_RAW_INT's, GPS2_RAW's. */
 #define AIRCRAFT_RECEIVERS 2
 struct aircraft_receiver {
@@ -58,7 +62,7 @@ struct aircraft_receiver {
     uint64_t time_us;                   /* its own, of whichever clock; 0: not known */
     double latitude_deg, longitude_deg; /* NAN unknown, likewise below */
     double separation_m;
-    unsigned in_a_row; /* words, each within 3 s of the one before, until there were enough */
+    struct aircraft_words words;
     double horizontal_accuracy_m, vertical_accuracy_m, speed_accuracy_mps;
     int64_t near_us[2]; /* when it was where telemetry's position is, and the native one */
 };
@@ -68,7 +72,7 @@ struct aircraft_receiver {
 struct aircraft_separation {
     double m;        /* NAN: never said */
     int64_t said_us; /* INT64_MIN: never */
-    unsigned in_a_row;
+    struct aircraft_words words;
 };
 
 /* What counts only with a GNSS fix, and came before one was known. */

@@ -130,7 +130,7 @@ static void view_authentication(const struct aircraft *aircraft, int64_t now_us,
     uint32_t all = (1U << pages) - 1;
 
     if (aircraft->auth_said_us == INT64_MIN ||
-        now_us - aircraft->auth_said_us >= AIRCRAFT_AUTHENTICATION_KEPT_US) {
+        now_us - aircraft->auth_said_us >= TELEMETRY_AUTHENTICATION_KEPT_US) {
         return;
     }
     if ((aircraft->auth_received & 1) && pages <= TELEMETRY_AUTH_PAGES &&
@@ -334,6 +334,7 @@ void aircraft_condition(const struct aircraft *aircraft, int64_t now_us,
         fix == &aircraft->native ? &aircraft->native_rate : &aircraft->telemetry_rate, now_us);
     condition->speed_wrong = fix != NULL && (fix->rest.wrong || fix->level.wrong);
     condition->vertical_inverted = aircraft->vertical.inverted;
+    condition->crashed = aircraft->crashed_us != INT64_MIN;
     condition->fix_known = aircraft_fix_known(aircraft, now_us);
     condition->apart = aircraft_is_apart(&aircraft->telemetry, now_us) ||
                        aircraft_is_apart(&aircraft->native, now_us);

@@ -13,6 +13,8 @@
 /* And for so long, between the instants at which it was said: who says the time ten times a second
  * can be wrong for one, and what was read at once after a start has no instants yet. */
 #define STEP_LASTS_US 1900000
+/* What was said for that long stays; of what wasn't, nobody else goes on with a stray word. */
+#define UTC_STAYS_US 10000000
 #define YEAR_2010_US UINT64_C(1262304000000000)
 #define YEAR_2100_US UINT64_C(4102444800000000)
 
@@ -116,12 +118,21 @@ static bool is_ahead(struct autopilot_clock *clock, uint32_t boot_ms, int64_t no
     return false;
 }
 
+static void forget_stray_utc(struct autopilot_clock *clock, int64_t now_us)
+{
+    if (clock->utc_known && clock->utc_said_us - clock->utc_since_us < UTC_STAYS_US &&
+        now_us - clock->utc_said_us >= UTC_STAYS_US) {
+        clock->utc_known = clock->utc_of_this_boot = false;
+    }
+}
+
 int64_t autopilot_clock_boot(struct autopilot_clock *clock, uint32_t boot_ms, int64_t now_us,
                              bool *restarted)
 {
     int64_t boot_us;
     bool newest;
 
+    forget_stray_utc(clock, now_us);
     *restarted = clock->boot_known && has_restarted(clock, boot_ms, now_us);
     if (*restarted) {
         clock->restarts++;
@@ -146,8 +157,13 @@ bool autopilot_clock_plausible(uint64_t unix_us)
     return unix_us >= YEAR_2010_US && unix_us <= YEAR_2100_US;
 }
 
-static void believe_utc(struct autopilot_clock *clock, int64_t offset_us)
+static void believe_utc(struct autopilot_clock *clock, int64_t offset_us, bool confirmed,
+                        int64_t now_us)
 {
+    if (clock->utc_said_us - clock->utc_since_us < UTC_STAYS_US) {
+        clock->utc_since_us = clock->utc_known && confirmed ? clock->utc_since_us : now_us;
+        clock->utc_said_us = now_us;
+    }
     clock->utc_known = clock->utc_of_this_boot = true;
     clock->utc_offset_us = offset_us;
     clock->step_seen = 0;
@@ -167,7 +183,7 @@ void autopilot_clock_utc(struct autopilot_clock *clock, uint64_t unix_us, uint32
     if (!clock->utc_known
             ? fix_known
             : llabs((int64_t)unix_us - autopilot_clock_unix_us(clock, at_us)) <= STEP_US) {
-        believe_utc(clock, offset_us);
+        believe_utc(clock, offset_us, fix_known, now_us);
         return;
     }
     if (!fix_known) {
@@ -179,7 +195,7 @@ void autopilot_clock_utc(struct autopilot_clock *clock, uint64_t unix_us, uint32
     }
     clock->step_us = offset_us;
     if (++clock->step_seen >= BELIEVED && at_us - clock->step_since_us >= STEP_LASTS_US) {
-        believe_utc(clock, offset_us);
+        believe_utc(clock, offset_us, fix_known, now_us);
     }
 }
 

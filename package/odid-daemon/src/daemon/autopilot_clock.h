@@ -28,6 +28,8 @@ struct autopilot_clock {
     bool utc_known;
     bool utc_of_this_boot; /* said since it started. What is carried over a start goes by our clock:
                               of the new boot time it isn't known yet how late it came */
+    int64_t utc_since_us;  /* confirmed since then, on our clock, ... */
+    int64_t utc_said_us;   /* ... until then, or for 10 s: then it counts for good */
     int64_t utc_offset_us; /* UTC (Unix) minus boot time, or minus our clock when carried over */
     int64_t step_us;       /* UTC minus boot time, another one that was seen ... */
     unsigned step_seen;    /* ... this often in a row, ... */
@@ -50,7 +52,8 @@ bool autopilot_clock_plausible(uint64_t unix_us);
 /*
  * Takes a SYSTEM_TIME. One that isn't plausible is ignored;
  * another one counts when a fix confirms it (an autopilot without one says what
- * it likes: 2042 was seen), or when it goes on with what is known. A step of
+ * it likes: 2042 was seen), or when it goes on with what is known. The first one
+ * counts at once, and is forgotten when nobody goes on with it for ten seconds. A step of
  * more than a second is believed at its third time in a row, and after two seconds.
  */
 void autopilot_clock_utc(struct autopilot_clock *clock, uint64_t unix_us, uint32_t boot_ms,

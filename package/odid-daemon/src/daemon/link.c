@@ -124,7 +124,7 @@ static void on_serial(void *context, uint32_t events, int64_t now_us)
     } else if (events & (EPOLLHUP | EPOLLERR)) {
         lose_link("hang-up", EIO, now_us);
     } else if (length > 0) {
-        loop_pause_reading(&self.pause, now_us);
+        loop_pause_reading(&self.pause);
     }
 }
 
@@ -215,7 +215,7 @@ static void on_udp(void *context, uint32_t events, int64_t now_us)
         self.bytes(self.context, sender_slot(&from, now_us), datagram, (size_t)length, now_us);
     }
     if (reads == DATAGRAMS_MAX || octets >= DATAGRAM_OCTETS_MAX) {
-        loop_pause_reading(&self.pause, now_us);
+        loop_pause_reading(&self.pause);
     }
     count_senders(now_us);
     note_overrun(now_us);

@@ -227,6 +227,7 @@ static void keep(uint8_t vehicle, const struct aircraft_condition *condition, in
     if (!self.kept_behind && vehicle == self.kept.vehicle && word == self.kept.armed &&
         condition->fix_known == self.kept.fix_known &&
         condition->vertical_inverted == self.kept.vertical_inverted &&
+        condition->crashed == self.kept.crashed &&
         memcmp(takeoff, &self.kept.takeoff, sizeof(*takeoff)) == 0) {
         return;
     }
@@ -235,6 +236,7 @@ static void keep(uint8_t vehicle, const struct aircraft_condition *condition, in
     self.kept.armed_once = self.kept.armed_once || armed;
     self.kept.fix_known = condition->fix_known;
     self.kept.vertical_inverted = condition->vertical_inverted;
+    self.kept.crashed = condition->crashed;
     self.kept.takeoff = *takeoff;
     write_kept();
 }
@@ -291,6 +293,7 @@ static void restore(int64_t now_us)
     aircraft_restore_armed(self.aircraft, self.kept.armed == KEPT_ARMED);
     aircraft_restore_takeoff(self.aircraft, &self.kept.takeoff);
     aircraft_restore_vertical(self.aircraft, self.kept.vertical_inverted);
+    aircraft_restore_crash(self.aircraft, self.kept.crashed, now_us);
     if (self.kept.vehicle != 0) {
         aircraft_restore_fix(self.aircraft, self.kept.fix_known, now_us);
     }

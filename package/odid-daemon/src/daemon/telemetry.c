@@ -18,11 +18,11 @@ struct telemetry {
     struct belief belief;
     mavlink_message_t latest; /* of the vehicle's autopilot */
     struct vehicle vehicle;
-    bool identified;    /* its autopilot said who it is */
-    bool authenticated; /* and proves it */
-    bool signs;         /* its last frame was signed */
-    bool by_another;    /* the native message that is being read isn't its autopilot's */
-    uint16_t speaker;   /* but this one's (telemetry_update) */
+    bool identified;          /* its autopilot said who it is */
+    int64_t authenticated_us; /* and proved it last; INT64_MIN: never */
+    bool signs;               /* its last frame was signed */
+    bool by_another;          /* the native message that is being read isn't its autopilot's */
+    uint16_t speaker;         /* but this one's (telemetry_update) */
     int vehicle_stream;
     int64_t latest_us;                /* of the vehicle's autopilot; INT64_MIN: none yet */
     int64_t first_us;                 /* any autopilot's first frame; INT64_MIN */
@@ -38,7 +38,7 @@ struct telemetry *telemetry_init(telemetry_fn *deliver, void *context)
     telemetry.context = context;
     telemetry.vehicle_stream = -1;
     telemetry.first_us = telemetry.autopilots_us = telemetry.others_us = INT64_MIN;
-    telemetry.latest_us = INT64_MIN;
+    telemetry.latest_us = telemetry.authenticated_us = INT64_MIN;
     vehicle_init(&telemetry.vehicle);
     belief_reset(&telemetry.belief);
     return &telemetry;
@@ -46,7 +46,8 @@ struct telemetry *telemetry_init(telemetry_fn *deliver, void *context)
 
 void telemetry_restarted(struct telemetry *telemetry)
 {
-    telemetry->identified = telemetry->authenticated = false;
+    telemetry->identified = false;
+    telemetry->authenticated_us = INT64_MIN;
 }
 
 void telemetry_expect(struct telemetry *telemetry, uint8_t vehicle, bool armed, int64_t now_us)
@@ -127,16 +128,17 @@ static void on_native(void *context, const struct telemetry_update *update, int6
     told.by_another = telemetry->by_another;
     told.speaker = telemetry->speaker;
     if (told.by_another) {
-        /* Once the vehicle says who it is, and proves it, nobody else does. */
+        /* Once the vehicle says who it is, nobody else does; nor proves it, while it does. */
         if ((told.kind == TELEMETRY_BASIC_ID && telemetry->identified) ||
-            (told.kind == TELEMETRY_AUTHENTICATION && telemetry->authenticated)) {
+            (told.kind == TELEMETRY_AUTHENTICATION && telemetry->authenticated_us != INT64_MIN &&
+             now_us - telemetry->authenticated_us < TELEMETRY_AUTHENTICATION_KEPT_US)) {
             telemetry->counters.other_system++;
             return;
         }
-    } else {
-        telemetry->identified = telemetry->identified || told.kind == TELEMETRY_BASIC_ID;
-        telemetry->authenticated =
-            telemetry->authenticated || told.kind == TELEMETRY_AUTHENTICATION;
+    } else if (told.kind == TELEMETRY_BASIC_ID) {
+        telemetry->identified = true;
+    } else if (told.kind == TELEMETRY_AUTHENTICATION) {
+        telemetry->authenticated_us = now_us;
     }
     deliver_believed(telemetry, &told, now_us);
 }
@@ -211,7 +213,7 @@ static void take_heartbeat(struct telemetry *telemetry, const mavlink_message_t 
         update.heartbeat.new_vehicle = known;
         belief_reset(&telemetry->belief);
         telemetry->latest_us = INT64_MIN;
-        telemetry->identified = telemetry->authenticated = false;
+        telemetry_restarted(telemetry);
         break;
     default:
         break;

@@ -15,13 +15,13 @@
 void vehicle_init(struct vehicle *vehicle)
 {
     memset(vehicle, 0, sizeof(*vehicle));
-    vehicle->heartbeat_us = vehicle->returned_us = INT64_MIN;
+    vehicle->heartbeat_us = vehicle->returned_us = vehicle->expected_until_us = INT64_MIN;
 }
 
 void vehicle_expect(struct vehicle *vehicle, uint8_t system, bool armed, int64_t now_us)
 {
-    vehicle->system = vehicle->kept = system;
-    vehicle->kept_until_us = now_us + STARTED_US;
+    vehicle->system = vehicle->expected = system;
+    vehicle->expected_until_us = now_us + STARTED_US;
     vehicle->begun_us = vehicle->last_us = now_us;
     vehicle->armed = armed;
     vehicle->until_us = now_us + EXPECTED_US;
@@ -44,7 +44,7 @@ bool vehicle_is_ground_station(const struct vehicle *vehicle, uint8_t system)
 /* It was seen on the ground, and is armed since: nobody passes by like that. */
 static bool took_off_here(const struct vehicle *vehicle, int64_t now_us)
 {
-    return vehicle->seen_disarmed && vehicle->armed && now_us >= vehicle->kept_until_us;
+    return vehicle->seen_disarmed && vehicle->armed && now_us >= vehicle->expected_until_us;
 }
 
 bool vehicle_is_settled(const struct vehicle *vehicle)
@@ -60,14 +60,15 @@ static bool passed_by(const struct vehicle *vehicle, int64_t now_us)
 
 bool vehicle_is(const struct vehicle *vehicle, uint8_t system)
 {
-    return system != 0 && (system == vehicle->system || system == vehicle->kept);
+    return system != 0 &&
+           (system == vehicle->system || system == vehicle->kept || system == vehicle->expected);
 }
 
-/* The one that was there first: it was only expected, or has been silent for longer than any start
- * takes. (In the air nobody takes its place.) */
+/* The one that was there first has been silent for longer than any start takes. (In the air nobody
+ * takes its place.) */
 static bool is_given_up(const struct vehicle *vehicle, int64_t now_us)
 {
-    return !vehicle->kept_heard || now_us - vehicle->kept_us >= STARTED_US;
+    return now_us - vehicle->kept_us >= STARTED_US;
 }
 
 /* One HEARTBEAT of a stray voice, heard again in flight, brings nobody back. */
@@ -84,12 +85,12 @@ static bool is_silent(const struct vehicle *vehicle, int64_t now_us)
 
 /*
  * Is this heartbeat, of another system than the vehicle, the vehicle's from now
- * on? Where that one has only passed by: yes. The kept one returns when the vehicle is silent, or
- * once it has said more than HEARTBEATs for a while, and leaves it to who took off here when it is
- * silent again; one that is only expected, of the last power-on, returns at once, but not once
- * another one has taken off here. Another one is a changed system id, after a long silence and on
- * the ground, or where the kept one was only expected; not a ground station's, once there was a
- * vehicle.
+ * on? Where that one has only passed by: yes. One that is expected, of the last power-on, is it at
+ * once, but not once another one has taken off here. The kept one returns when the vehicle is
+ * silent, or once it has said more than HEARTBEATs for a while, and leaves it to who took off here,
+ * or to who was it before one HEARTBEAT of an old id, when it is silent again. Another one is a
+ * changed system id, after a long silence and on the ground; not a ground station's, once there was
+ * a vehicle.
  */
 static bool takes_over(const struct vehicle *vehicle, uint8_t system, bool armed, int64_t now_us)
 {
@@ -99,25 +100,36 @@ static bool takes_over(const struct vehicle *vehicle, uint8_t system, bool armed
                                  !vehicle_is_ground_station(vehicle, system))) {
         return true;
     }
-    if (system == vehicle->kept) {
-        return vehicle->kept_heard ? is_silent(vehicle, now_us) || has_returned(vehicle, now_us)
-                                   : !took_off_here(vehicle, now_us);
+    if (system == vehicle->expected) {
+        return !took_off_here(vehicle, now_us);
     }
-    if (system == vehicle->flies) {
+    if (system == vehicle->kept) {
+        return is_silent(vehicle, now_us) || has_returned(vehicle, now_us);
+    }
+    if (system == vehicle->flies ||
+        (system == vehicle->before && !took_off_here(vehicle, now_us))) {
         return is_silent(vehicle, now_us);
     }
     return !vehicle->armed && (!armed || none_yet) &&
            (!vehicle_is_ground_station(vehicle, system) || none_yet) && now_us >= vehicle->until_us;
 }
 
-/* Who was there first: nobody's any more who was expected, and isn't the one that flies. */
+/* Who was there first: nobody's any more who isn't the one that flies. Nor is one expected then. */
 static void keep(struct vehicle *vehicle, int64_t now_us)
 {
-    if (vehicle->kept == vehicle->system || (vehicle->kept == 0 && vehicle_is_settled(vehicle)) ||
-        (took_off_here(vehicle, now_us) && is_given_up(vehicle, now_us))) {
+    bool flies = took_off_here(vehicle, now_us), settled = vehicle_is_settled(vehicle);
+
+    if (flies || (settled && vehicle->system == vehicle->expected)) {
+        vehicle->expected = 0;
+        vehicle->expected_until_us = INT64_MIN;
+    }
+    if (vehicle->kept == vehicle->system || (flies && is_given_up(vehicle, now_us)) ||
+        (vehicle->kept == 0 && settled && now_us >= vehicle->expected_until_us)) {
         vehicle->kept = vehicle->system;
-        vehicle->kept_heard = true;
         vehicle->kept_us = now_us;
+    }
+    if (now_us - vehicle->begun_us >= STARTED_US) {
+        vehicle->before = 0;
     }
 }
 
@@ -125,6 +137,7 @@ static void replace(struct vehicle *vehicle, uint8_t system, int64_t now_us)
 {
     uint8_t flies = took_off_here(vehicle, now_us) ? vehicle->system : 0;
 
+    vehicle->before = vehicle_is_settled(vehicle) ? vehicle->system : vehicle->before;
     vehicle->seen_disarmed = system == vehicle->flies; /* it was, when it took off */
     vehicle->flies = flies;
     vehicle->system = system;

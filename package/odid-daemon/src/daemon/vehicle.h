@@ -20,10 +20,11 @@ struct vehicle {
     int64_t heartbeat_us;            /* its last one; INT64_MIN: none */
     int64_t last_us;                 /* its last frame */
     int64_t until_us;                /* no other system is the vehicle until then */
-    uint8_t kept;                    /* who was there first, or is expected: it may return */
-    bool kept_heard;                 /* it was the vehicle in our time, ... */
-    int64_t kept_us;                 /* ... until then */
-    int64_t kept_until_us;           /* one that wasn't heard is expected until then */
+    uint8_t expected;                /* of the last power-on, and not settled since; 0: nobody */
+    int64_t expected_until_us;       /* until then nobody else is kept, or took off here */
+    uint8_t kept;                    /* who was there first: it may return; 0: nobody yet */
+    int64_t kept_us;                 /* when it was the vehicle last */
+    uint8_t before;                  /* who was it until lately, for long; 0: nobody */
     int64_t returns_us, returned_us; /* while another one is: it says more than HEARTBEATs since
                                         then, and did so last; returned_us INT64_MIN: it doesn't */
     uint8_t flies;                   /* who took off here before the kept one returned; 0: nobody */

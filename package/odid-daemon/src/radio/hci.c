@@ -189,7 +189,7 @@ static void on_readable(void *context, uint32_t events, int64_t now_us)
     if (events & (EPOLLHUP | EPOLLERR)) {
         lose_controller(hci, -EIO, now_us);
     } else if (length > 0) {
-        loop_pause_reading(&hci->pause, now_us);
+        loop_pause_reading(&hci->pause);
     }
 }
 

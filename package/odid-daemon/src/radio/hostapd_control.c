@@ -122,7 +122,7 @@ static void on_datagram(void *context, uint32_t events, int64_t now_us)
     if (control->watch.fd >= 0 && (events & (EPOLLHUP | EPOLLERR))) {
         lose_hostapd(control, -ECONNRESET, now_us);
     } else if (control->watch.fd >= 0 && reads == READS_MAX) {
-        loop_pause_reading(&control->pause, now_us);
+        loop_pause_reading(&control->pause);
     }
 }
 

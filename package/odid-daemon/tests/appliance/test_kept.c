@@ -59,6 +59,7 @@ static void what_was_written_is_read(void **state)
     const struct kept in = {.vehicle = 255,
                             .fix_known = true,
                             .vertical_inverted = true,
+                            .crashed = true,
                             .on_air = {[CHANNEL_BT4] = true, [CHANNEL_WIFI] = true},
                             .told_lost = {[CHANNEL_WIFI] = true},
                             .takeoff = {.known = true,
@@ -72,7 +73,7 @@ static void what_was_written_is_read(void **state)
     assert_int_equal(kept_write(directory, &in), 0);
     kept_read(directory, &out);
     assert_int_equal(out.vehicle, 255);
-    assert_true(out.fix_known && out.vertical_inverted);
+    assert_true(out.fix_known && out.vertical_inverted && out.crashed);
     assert_true(out.on_air[CHANNEL_BT4] && out.on_air[CHANNEL_WIFI]);
     assert_false(out.on_air[CHANNEL_BT5]);
     assert_true(out.told_lost[CHANNEL_WIFI]);
@@ -148,6 +149,7 @@ static void the_longest_text_is_whole(void **state)
                             .armed_once = true,
                             .fix_known = true,
                             .vertical_inverted = true,
+                            .crashed = true,
                             .on_air = {true, true, true},
                             .told_lost = {true, true, true},
                             .takeoff = {.known = true,

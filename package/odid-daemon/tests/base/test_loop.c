@@ -222,6 +222,33 @@ static void a_hang_up_is_told_unasked(void **state)
     assert_string_equal(calls, "h");
 }
 
+static struct loop_pause flood_pause;
+static int64_t flood_read_us;
+
+static void on_flood(void *context, uint32_t events, int64_t now_us)
+{
+    (void)context;
+    (void)events;
+    assert_true(calls[0] == '\0' || now_us - flood_read_us >= 5000);
+    note('f');
+    simulated.now_us += 6000; /* what a portion costs on a slow processor */
+    flood_read_us = loop_now_us();
+    loop_pause_reading(&flood_pause);
+}
+
+/* It was counted from the portion's beginning: one that took longer left no pause at all, and
+ * RLIMIT_RTTIME would have ended the daemon. */
+static void who_talks_without_end_leaves_a_pause_after_each_portion(void **state)
+{
+    (void)state;
+    assert_int_equal(write(pairs[0][1], "x", 1), 1);
+    loop_pause_init(&flood_pause, &watches[0]);
+    loop_watch(&watches[0], pairs[0][0], EPOLLIN, on_flood, NULL);
+    run_ms(100);
+    assert_true(strlen(calls) >= 8);
+    loop_arm(&flood_pause.timer, LOOP_NEVER);
+}
+
 static void a_descriptor_that_cannot_be_watched_is_refused(void **state)
 {
     (void)state;
@@ -241,6 +268,7 @@ int main(void)
         TEST(a_watch_that_was_ended_in_this_round_is_not_called),
         TEST(what_was_ready_before_is_not_told_of_the_next_descriptor),
         TEST(a_hang_up_is_told_unasked),
+        TEST(who_talks_without_end_leaves_a_pause_after_each_portion),
         TEST(a_descriptor_that_cannot_be_watched_is_refused),
     };
 

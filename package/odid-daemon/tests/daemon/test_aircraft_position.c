@@ -471,7 +471,7 @@ static void without_a_separation_the_geodetic_altitude_is_unknown(void **state)
     fly(2);
     assert_unknown(view.location.altitude_geodetic_m);
     sim.fix_type = 3;
-    fly(4);
+    fly(12);
     assert_near(view.location.altitude_geodetic_m, 84 + 36.4);
     sim.gps = false; /* the geoid stays where it is */
     fly(20);

@@ -343,7 +343,7 @@ static void a_time_without_a_fix_is_none(void **state)
     assert_false(condition.time_known);
     sim.utc_us = UTC;
     sim.fix_type = GPS_FIX_TYPE_3D_FIX;
-    fly(2);
+    fly(12);
     assert_true(condition.time_known);
     assert_about((double)condition.unix_us, (double)(UTC + now_us), 20000);
     sim.fix_type = GPS_FIX_TYPE_NO_FIX; /* it goes on; and what it says otherwise doesn't count */
@@ -603,7 +603,7 @@ static void a_receiver_that_is_silenced_is_no_fix(void **state)
 
     (void)state;
     second.gps_raw.fix_type = GPS_FIX_TYPE_NO_FIX;
-    for (unsigned i = 0; i < 20; i++) {
+    for (unsigned i = 0; i < 60; i++) {
         fly_on_rated(60);
         assert_true(i < 5 || view.location.position_fresh);
     }
@@ -637,6 +637,32 @@ static void a_few_words_of_a_receiver_are_none_that_falls_silent(void **state)
         assert_true(i < 5 || (i >= 50 && i < 70) || (i >= 100 && i < 110) ||
                     view.location.position_fresh);
     }
+}
+
+/* One a second for a minute: for ten seconds nobody has seen yet that two speak. What they say of
+ * the ellipsoid doesn't stay, either. */
+static void nor_are_those_of_somebody_who_speaks_as_the_autopilot(void **state)
+{
+    struct telemetry_update heartbeat = update_of(TELEMETRY_HEARTBEAT);
+    struct telemetry_update word = update_of(TELEMETRY_GPS2_RAW);
+
+    (void)state;
+    sim.gps = sim.heartbeat = false;
+    heartbeat.heartbeat.base_mode = MAV_MODE_FLAG_SAFETY_ARMED;
+    word.gps_raw.separation_m = 119;
+    for (unsigned i = 0; i < 500; i++) {
+        if (i % 5 == 0) {
+            heartbeat.heartbeat.doubtful = i >= 90 && i < 500;
+            give(&heartbeat);
+        }
+        if (i >= 50 && i < 350 && i % 5 == 0) {
+            give(&word);
+        }
+        fly_on_rated(60);
+    }
+    assert_true(view.location.position_fresh);
+    assert_true(isnan(view.location.altitude_geodetic_m) ||
+                fabs(view.location.altitude_geodetic_m - (sim.altitude_m + 119)) > 1);
 }
 
 /* Nobody had said so but the native LOCATION. */
@@ -927,6 +953,7 @@ int main(void)
                                begin_setup),
         cmocka_unit_test_setup(a_receiver_that_is_silenced_is_no_fix, begin_setup),
         cmocka_unit_test_setup(a_few_words_of_a_receiver_are_none_that_falls_silent, begin_setup),
+        cmocka_unit_test_setup(nor_are_those_of_somebody_who_speaks_as_the_autopilot, begin_setup),
         cmocka_unit_test_setup(a_restart_of_ours_makes_up_no_receiver, begin_setup),
         cmocka_unit_test_setup(a_place_that_moves_on_without_its_receiver_counts, begin_setup),
         cmocka_unit_test_setup(a_place_that_only_trembles_stands_still, begin_setup),

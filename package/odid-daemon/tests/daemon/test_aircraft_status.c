@@ -292,9 +292,16 @@ static void a_crash_is_an_emergency_until_it_is_armed_again(void **state)
     fly_and_crash();
     fly(60);
     assert_int_equal(view.location.status, AIRCRAFT_EMERGENCY);
+    begin(); /* our own restart */
+    aircraft_restore_crash(aircraft, true, now_us);
+    arm(false);
+    fly(60);
+    assert_int_equal(view.location.status, AIRCRAFT_EMERGENCY);
+    assert_true(condition.crashed);
     arm(true);
-    fly(1);
+    fly(5);
     assert_int_equal(view.location.status, AIRCRAFT_AIRBORNE);
+    assert_false(condition.crashed);
 }
 
 /* A real copter: disarmed at 86 m, under its parachute, "on ground" by its landed state. */

@@ -55,11 +55,29 @@ static void timestamps_are_unknown_until_the_autopilot_knows_the_time(void **sta
 static void time_goes_on_without_system_time(void **state)
 {
     (void)state;
-    fly(5);
+    fly(12);
     sim.time = false;
     fly(3600);
     assert_dated(now_us);
     assert_system_time_right();
+}
+
+/* Somebody's who speaks as an autopilot that says no time: it stayed for the whole flight. One a
+ * second for twenty seconds, of which the first are in no doubt. */
+static void a_few_times_that_are_said_are_not_the_time_of_the_flight(void **state)
+{
+    struct telemetry_update heartbeat = update_of(TELEMETRY_HEARTBEAT);
+
+    (void)state;
+    sim.heartbeat = false;
+    for (unsigned i = 0; i < 60; i++) {
+        sim.time = i >= 10 && i < 30;
+        heartbeat.heartbeat.doubtful = i >= 15;
+        give(&heartbeat);
+        fly(1);
+        assert_true(i < 12 || i >= 30 || condition.time_known);
+    }
+    assert_false(condition.time_known);
 }
 
 static void the_hour_rolls_over(void **state)
@@ -380,6 +398,8 @@ int main(void)
         cmocka_unit_test_setup(timestamps_are_unknown_until_the_autopilot_knows_the_time,
                                begin_setup),
         cmocka_unit_test_setup(time_goes_on_without_system_time, begin_setup),
+        cmocka_unit_test_setup(a_few_times_that_are_said_are_not_the_time_of_the_flight,
+                               begin_setup),
         cmocka_unit_test_setup(the_hour_rolls_over, begin_setup),
         cmocka_unit_test_setup(a_fix_from_before_the_full_hour_keeps_its_time, begin_setup),
         cmocka_unit_test_setup(a_step_of_utc_is_followed_after_three_messages, begin_setup),

@@ -318,7 +318,7 @@ static void utc_goes_on_over_a_restart_that_was_heard_late(void **state)
         bool restarted;
 
         setup(NULL);
-        for (int64_t at = 100 * SECOND; at < 110 * SECOND; at += SECOND) {
+        for (int64_t at = 100 * SECOND; at < 112 * SECOND; at += SECOND) {
             tell_utc(at);
         }
         boot_at_us = 112 * SECOND;
