@@ -223,6 +223,15 @@ def test_an_access_point_that_could_not_be_made_is_tried_again(unpacked, tmp_pat
     assert code == 255 and folder.exists()
 
 
+@pytest.mark.parametrize("unit", ["odid-hostapd@", "odid-hostapd-watch@", "odid-beacons@", ""])
+def test_nobody_fills_run_or_the_disk(unpacked, unit):
+    """What one that was taken over leaves goes before the next one starts: else each life of it had the memory that it may have anew."""
+    text = (unpacked / f"lib/systemd/system/{unit or 'odid'}.service").read_text()
+    assert re.search(r"^InaccessiblePaths=.*/tmp /var/tmp", text, re.M)
+    for folder in re.findall(r"^RuntimeDirectory=(\S+)$", text, re.M) if "RuntimeDirectoryPreserve=yes" in text and unit else []:
+        assert f"\nExecStartPre=-+/usr/bin/find /run/{folder} -mindepth 1 -delete\n" in text
+
+
 def test_what_a_taken_over_access_point_left_keeps_no_other_from_starting(unpacked, tmp_path, monkeypatch):
     """A folder in a file's place did, with a mode of 0 or a socket in it, and what it wrote filled /run."""
     config = tmp_path / "root/run/odid-hostapd"

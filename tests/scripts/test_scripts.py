@@ -1984,9 +1984,11 @@ def with_config(appliance):
     return appliance
 
 
-def test_a_token_of_a_power_cut_s_zeros_is_not_emptied(with_config):
+@pytest.mark.parametrize("octets", [b"\0" * 40, b"\xff" * 40, b"a-sec\xff\xff\n"], ids=["NULs", "erased flash", "half of it"])
+def test_a_token_of_a_power_cut_s_zeros_is_not_emptied(with_config, octets):
     with_config.write("data/secrets/hawkbit-token", "a-secret\n")
-    with_config.write("run/config/hawkbit-token", "\0" * 40)
+    (with_config.root / "run/config").mkdir(parents=True, exist_ok=True)
+    (with_config.root / "run/config/hawkbit-token").write_bytes(octets)
     with_config.must("/etc/init.d/S40config")
     assert with_config.read("data/secrets/hawkbit-token") == "a-secret\n"
 
@@ -2080,7 +2082,7 @@ def test_a_configuration_that_data_lost_is_config_s_again(with_data, lost):
     if lost is not None:
         with_data.write("data/odid/odid.conf", lost)
     with_data.must("/etc/init.d/S30data")
-    assert with_data.read("data/odid/odid.conf") == "the image's\n" and not with_data.exists("data/odid/odid.conf.imported")
+    assert with_data.read("data/odid/odid.conf") == "the image's\n" and with_data.read("data/odid/odid.conf.imported") == "0000000000000000\n"
     assert "Check the serial number" in with_data.fault("settings")
 
 
@@ -2093,19 +2095,23 @@ def powered_on(appliance, config=None):
     return appliance.fault("settings") is not None
 
 
-@pytest.mark.parametrize("imported, config", [("old\n", "old\n"), (None, "old\n"), (None, None)])
+# What is kept of CONFIG's odid.conf: the one of before, and another one.
+OLD, SINCE = "0123456789abcdef\n", "fedcba9876543210\n"
+
+
+@pytest.mark.parametrize("imported, config", [(OLD, OLD), (None, OLD), ("\xff" * 17, OLD), (None, None)])
 def test_lost_settings_are_said_until_a_person_has_saved_some(with_config, with_data, imported, config):
     """At the next power-on what stood in for them was sound: another aircraft was on the air, and any older version was taken."""
     if imported:
         with_data.write("data/odid/odid.conf.imported", imported)
     for _ in range(3):
         assert powered_on(with_data, config)
-    assert not powered_on(with_data, "saved since\n") and not powered_on(with_data, "saved since\n")
+    assert not powered_on(with_data, SINCE) and not powered_on(with_data, SINCE)
 
 
 def test_a_config_that_was_saved_before_the_settings_were_lost_counts_and_nothing_is(with_config, with_data):
-    with_data.write("data/odid/odid.conf.imported", "old\n")
-    assert not powered_on(with_data, "saved since\n")
+    with_data.write("data/odid/odid.conf.imported", OLD)
+    assert not powered_on(with_data, SINCE)
 
 
 # odidctl import, where what is in /data is damaged
@@ -2113,7 +2119,7 @@ FINDS_DAMAGE = """#!/bin/sh
 [ "$1" != import ] || [ ! -e /damaged ] || {
 	[ -e /data/odid/settings-lost ] || : >/data/odid/settings-lost
 	echo "config's" >/data/odid/odid.conf
-	echo old >/data/odid/odid.conf.imported
+	echo 0123456789abcdef >/data/odid/odid.conf.imported
 	rm /damaged
 }
 """
@@ -2126,7 +2132,7 @@ def test_damaged_settings_are_lost_ones(with_config, with_data):
     with_data.write("damaged", "")
     for _ in range(3):
         assert powered_on(with_data) and with_data.read("data/odid/odid.conf") == "config's\n"
-    assert not powered_on(with_data, "saved since\n")
+    assert not powered_on(with_data, SINCE)
 
 
 def test_a_factory_reset_ends_what_was_lost(with_config, with_data):
@@ -2140,6 +2146,8 @@ def test_at_the_first_start_nothing_is_lost(with_data):
     (with_data.root / "data/secrets").rmdir()
     with_data.must("/etc/init.d/S30data")
     assert with_data.exists("data/secrets") and with_data.fault("settings") is None
+    # It says that no CONFIG was taken over: without that nobody would know (import_kept.h).
+    assert with_data.read("data/odid/odid.conf.imported") == "0000000000000000\n"
 
 
 @pytest.mark.parametrize("state, mended", [(1, False), (3, True), (2, True)])
@@ -2321,6 +2329,39 @@ def test_a_late_disk_s_first_start_is_one(in_memory, before, lost):
     in_memory.must(f"mkdir -p /run/looked; {before}")
     mend(in_memory, "echo whole | /lib/odid/mend-data late '' ''", "mount_data() { cp -a /run/looked/. /data/; }\n")
     assert (in_memory.fault("settings") is not None) == lost == in_memory.exists("data/odid/settings-lost")
+
+
+def test_a_config_that_was_never_taken_over_takes_no_settings_place(in_memory):
+    """The image's own is in force meanwhile, and none of CONFIG's."""
+    in_memory.write("data/odid/odid.conf.imported", "0000000000000000\n")
+    in_memory.write("run/mended/odid/odid.conf", "set before\n")
+    in_memory.write("run/mended/odid/odid.conf.imported", OLD)
+    mend(in_memory, "echo broken | /lib/odid/mend-data late '' ''")
+    assert in_memory.read("data/odid/odid.conf") == "set before\n" and in_memory.read("data/odid/odid.conf.imported") == OLD
+
+
+@pytest.mark.parametrize("command", ["echo broken | /lib/odid/mend-data late '' ''", "/lib/odid/mend-data read-only '' ''"])
+def test_a_factory_reset_that_a_rescued_disk_asks_for_is_called_off(in_memory, command):
+    """It came to nothing, and nobody was told."""
+    in_memory.write("run/old-data/odid/odid.conf", "set before\n")
+    in_memory.write("run/old-data/odid/factory-reset", "")
+    in_memory.write("usr/bin/e2fsck", "#!/bin/sh\nexit 8\n")
+    mend(in_memory, command)
+    assert in_memory.read("data/odid/odid.conf") == "set before\n"
+    assert "There was no factory reset" in in_memory.fault("factory-reset") and not in_memory.exists("data/odid/factory-reset")
+
+
+def test_what_is_copied_of_a_disk_does_not_fill_memory(in_memory):
+    """/run has 16 MiB for everybody: somebody's bundle on that disk stayed there until power-off."""
+    in_memory.must("rm -f /data/odid/odid.conf /run/odid-appliance/booted; rm -rf /run/mended")
+    for path, text in {"turns": "", "getro": "0\n", "run/old-data/odid/odid.conf": "set before\n",
+                       "run/old-data/odid/a-bundle.swu": "x" * 1_000_000, "usr/bin/e2fsck": "#!/bin/sh\nexit 8\n", "played": READS_SLOWLY}.items():
+        in_memory.write(path, text)
+    script = in_memory.start("exec /etc/init.d/S30data")
+    assert script.wait(LIMIT_S) == 0
+    in_memory.end_all()
+    assert in_memory.read("data/odid/odid.conf") == "set before\n"
+    assert not in_memory.exists("run/copied") and not in_memory.exists("data/odid/a-bundle.swu")
 
 
 def test_a_password_that_stayed_on_config_is_blanked_when_the_disk_is_there(in_memory):
@@ -2699,6 +2740,19 @@ def test_who_connects_by_ssh_and_has_no_key_is_no_line_in_the_log(appliance):
     wait_for("its last words", lambda: "it breaks" in appliance.read("dev/kmsg"))
     said = [re.sub(r"^\[\d+\] Nov 26 18:00:00 ", "", line) for line in appliance.read("dev/kmsg").splitlines()]
     assert said == ["Not backgrounding", *LOGGED_IN, "Early exit: Terminated by signal", "dropbear: it breaks"]
+
+
+@pytest.mark.parametrize("good", [True, False])
+def test_a_damaged_host_key_is_made_anew(appliance, good):
+    """dropbear ends over one, for good. (Asked is dropbearkey -y.)"""
+    appliance.write("data/ssh/dropbear_ed25519_host_key", "a key\n")
+    appliance.write("usr/bin/dropbearkey", f"#!/bin/sh\n[ $1 != -y ] || exit {0 if good else 1}\necho made >$4\n")
+    for name in ("fsync", "sync"):
+        appliance.write(f"usr/bin/{name}", NOTES)
+    for name in ("dropbearkey", "fsync", "sync"):
+        (appliance.root / f"usr/bin/{name}").chmod(0o755)
+    appliance.must("/lib/odid/host-keys")
+    assert appliance.read("data/ssh/dropbear_ed25519_host_key") == ("a key\n" if good else "made\n")
 
 
 @pytest.mark.parametrize("same", [True, False])

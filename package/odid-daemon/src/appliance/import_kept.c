@@ -23,14 +23,16 @@ static void fingerprint_line(const char *text, size_t length, char line[LINE_SIZ
              fingerprint(FINGERPRINT_OF_NOTHING, text, length));
 }
 
-/* Nothing gets there but a text. least: an empty one, too. */
+/* Nothing gets there but a text: without NUL, as power cuts leave it, and 0xFF, as which erased
+ * flash is read. least: an empty one, too. */
 static bool is_sound(const char *path, size_t least)
 {
     size_t length = 0;
     char *text = whole_file_read(path, FILE_MAX, &length);
-    bool sound = text != NULL && length >= least &&
-                 (length == 0 ||
-                  (config_not_ini(text, length) == NULL && memchr(text, '\0', length) == NULL));
+    bool sound =
+        text != NULL && length >= least &&
+        (length == 0 || (config_not_ini(text, length) == NULL &&
+                         memchr(text, '\0', length) == NULL && memchr(text, 0xFF, length) == NULL));
 
     free(text);
     return sound;
@@ -47,7 +49,8 @@ static bool is_fingerprint_line(const char *line)
            strcmp(line + FINGERPRINT_SIZE, "\n") == 0;
 }
 
-/* What a sound disk never has: neither of the two is written in part (import_keep). */
+/* What a sound disk never has: neither of the two is written in part, or is there alone
+ * (import_keep; S30data, of what the image brings). */
 enum import_before import_look(const char *path, const char *text, size_t length)
 {
     char beside[BESIDE_SIZE], now[LINE_SIZE];
@@ -60,7 +63,7 @@ enum import_before import_look(const char *path, const char *text, size_t length
     fingerprint_line(text, length, now);
     before = whole_file_read(beside, 64, &before_length);
     if (before == NULL) {
-        found = errno == ENOENT && (sound || access(path, F_OK) < 0) ? IMPORT_NEW : IMPORT_LOST;
+        found = errno == ENOENT && access(path, F_OK) < 0 ? IMPORT_NEW : IMPORT_LOST;
     } else if (!is_fingerprint_line(before)) {
         found = IMPORT_LOST;
     } else if (strcmp(before, now) == 0) {

@@ -152,15 +152,20 @@ int whole_file_replace(const char *path, const char *text, size_t length, mode_t
 {
     char directory[PATH_SIZE], new_path[PATH_SIZE];
     struct stat old;
+    bool as_old;
     int result;
 
     if (!beside(path, directory, new_path)) {
         return -ENAMETOOLONG;
     }
+    as_old = mode == 0 && stat(path, &old) == 0;
     if (mode == 0) {
-        mode = stat(path, &old) == 0 ? old.st_mode & 0777 : 0644;
+        mode = as_old ? old.st_mode & 0777 : 0644;
     }
     result = write_new(new_path, text, length, mode);
+    if (result == 0 && as_old && chown(new_path, old.st_uid, old.st_gid) < 0 && errno != EPERM) {
+        result = -errno;
+    }
     if (result == 0 && rename(new_path, path) < 0) {
         result = -errno;
     }

@@ -20,8 +20,8 @@ void whole_file_line(const char *path, char *out, size_t size);
 /*
  * Replaces a file, or makes it. At any instant, power cuts included, there is
  * the old one or the new one; .NAME.new beside it may be left over and is used
- * again. mode 0: as the old one has it. Returns 0 or -errno: then the old one
- * stays (or, when only the folder didn't reach the disk, it may come back).
+ * again. mode 0: mode, user and group as the old one has them. Returns 0 or -errno: then the old
+ * one stays (or, when only the folder didn't reach the disk, it may come back).
  */
 int whole_file_replace(const char *path, const char *text, size_t length, mode_t mode);
 

@@ -125,6 +125,18 @@ static char *read_named(struct import *self, size_t *length)
     return text;
 }
 
+/* Why it is no text (its name goes before it), or NULL. What is kept of one with 0xFF would be
+ * taken for damaged at each power-on (import_look). */
+static const char *why_no_text(const char *text, size_t length)
+{
+    const char *fault = config_not_ini(text, length);
+
+    if (fault == NULL && memchr(text, 0xFF, length) != NULL) {
+        fault = "holds octets 0xFF, as erased flash does; save it as plain text";
+    }
+    return fault;
+}
+
 /* ---- odid.conf ---- */
 
 /* What is in force now: the defaults when there is nothing that can be read. */
@@ -234,8 +246,14 @@ static bool import_text(struct import *self, const char *path, char *text, size_
     read_in_force(self->places, &config);
     right = parse(self, &config, text, length);
     explicit_bzero(&config, sizeof(config));
-    if (length > 0 && config_not_ini(text, length) == NULL) {
+    if (config_not_ini(text, length) == NULL) {
+        const char *fault = why_no_text(text, length);
+
         note_oddities(self, text, length);
+        if (fault != NULL) {
+            refuse(self, "%s %s", self->name, fault);
+            right = false;
+        }
     }
     if (!right) {
         return false;
@@ -385,7 +403,7 @@ static void keep_keys(struct import *self, const char *text, size_t length)
 /* Returns the number of keys that are right; what is wrong was said. */
 static unsigned judge_keys(struct import *self, char *text, size_t *length)
 {
-    const char *fault = config_not_ini(text, *length);
+    const char *fault = why_no_text(text, *length);
     struct authorized_keys found = {0};
 
     if (fault != NULL) {

@@ -135,6 +135,19 @@ static void begin_trial(struct service *self, bool recorded, int64_t now_us)
     }
 }
 
+/* U-Boot starts slot a without its environment, and no more knows that it is on trial. */
+static void mark_again(struct service *self)
+{
+    struct update_variables marked = {
+        .slot = self->other, .trial = self->running, .upgrade_available = true};
+    int result = update_variables_write(ENVIRONMENT_CONFIG, &marked, UPDATE_REPORT_AS_IT_IS);
+
+    service_complain("the slot can't be marked to be on trial", result);
+    if (result == 0) {
+        self->variables = marked;
+    }
+}
+
 /* What worked before isn't asked for any more: what was set on the disk may not be in force. */
 void service_take_late_record(struct service *self)
 {
@@ -153,6 +166,9 @@ void service_resume(struct service *self, bool first, int64_t now_us)
 
     if (first) {
         kernel_word("odid.fallback=", fallback, sizeof(fallback));
+    }
+    if (self->lost && recorded && self->record.slot == self->running) {
+        mark_again(self);
     }
     if (is_trial(variables, self->running)) {
         self->data_late = late && !recorded;

@@ -63,6 +63,7 @@ static void wrong_files_are_refused(void **state)
          BYTES(GOOD "[self_id]\ndescription = Sj\xF6r\xE4"
                     "ddning\n"),
          "2 bytes that are no UTF-8 (a file saved as \"ANSI\"?)"},
+        {"odid.conf", BYTES("; a\xFF\n" GOOD), "holds octets 0xFF, as erased flash does"},
         {"odid.conf", BYTES(GOOD "[wfi]\nchannel = 1\n"),
          "line 7: [wfi]: unknown section, ignored with all its keys; did you mean [wifi]?"},
         {"odid.conf", BYTES(GOOD "uas_id = X\n"), "line 7: uas_id belongs in [basic_id]"},
@@ -293,10 +294,14 @@ static void what_was_set_and_is_damaged_is_lost(void **state)
         bool lost;
     } cases[] = {
         {CONF, BYTES("\0\0\0\0"), true},
+        {CONF, BYTES("\xFF\xFF\xFF\xFF"), true}, /* erased flash; it had been sound */
+        {CONF, BYTES("[wifi]\nchannel = 3\n\xFF\xFF"), true},
         {CONF ".imported", BYTES("\0\0\0\0"), true},
         {CONF ".imported", BYTES(""), true},
         {CONF ".imported", BYTES("0123456789abcdef"), true},    /* cut short */
         {CONF ".imported", BYTES("0123456789abcdef\n"), false}, /* CONFIG was changed */
+        {CONF ".imported", NULL, 0, true}, /* a check of the disk had cleared its inode */
+        {CONF ".imported", BYTES("0000000000000000\n"), false}, /* the image's conf was there */
         {CONF, BYTES("[wifi]\n"), false},
     };
 
@@ -307,7 +312,11 @@ static void what_was_set_and_is_damaged_is_lost(void **state)
         assert_int_equal(CALL("import", "volume"), 0);
         assert_int_equal(CALL("set", "wifi.channel", "3"), 0);
         assert_int_equal(access(LOST, F_OK), -1);
-        put_bytes(cases[i].file, cases[i].text, cases[i].length);
+        if (cases[i].text == NULL) {
+            assert_int_equal(unlink(cases[i].file), 0);
+        } else {
+            put_bytes(cases[i].file, cases[i].text, cases[i].length);
+        }
         assert_int_equal(CALL("import", "volume"), 0);
         assert_int_equal(access(LOST, F_OK), cases[i].lost ? 0 : -1);
         if (cases[i].lost) {
@@ -488,6 +497,11 @@ static void keys_are_taken_over(void **state)
     put("data/ssh/authorized_keys", KEY "by hand\n");
     assert_int_equal(CALL("import", "volume"), 0);
     expect_file("data/ssh/authorized_keys", KEY "by hand\n");
+    /* Nobody could log in with what erased flash has left of them, and the report said that one key
+     * may. */
+    put_bytes("data/ssh/authorized_keys", BYTES("\xFF\xFF\xFF\xFF"));
+    assert_int_equal(CALL("import", "volume"), 0);
+    expect_file("data/ssh/authorized_keys", "# mine\n" KEY "anna@laptop\n\n" KEY "\n" KEY "last\n");
     put("volume/authorized_keys.txt", "# none\n");
     assert_int_equal(CALL("import", "volume"), 0);
     expect_file("data/ssh/authorized_keys", "");
@@ -534,6 +548,7 @@ static void wrong_keys_are_refused(void **state)
         {BYTES("PuTTY-User-Key-File-3: ssh-ed25519\n"), "line 1: is a private key"},
         {BYTES("---- BEGIN SSH2 PUBLIC KEY ----\n"), "is a key in another form"},
         {BYTES(KEY "a\0b\n"), "holds NUL bytes"},
+        {BYTES(KEY "a\xFF\n"), "holds octets 0xFF, as erased flash does"},
     };
 
     (void)state;

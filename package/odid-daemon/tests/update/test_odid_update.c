@@ -357,6 +357,33 @@ static void a_version_that_failed_is_given_up_again(void **state)
     assert_true(board.restarts > 0);
 }
 
+/* A version that was in slot a for its trial was kept untried. */
+static void one_on_trial_whose_mark_was_lost_is_tried(void **state)
+{
+    (void)state;
+    for (unsigned good = 0; good < 2; good++) {
+        setup(NULL);
+        board.bt5 = "on air";
+        board.variables = (struct update_variables){.slot = 'b'};
+        put(STATE "/slot", "b\n");
+        put(VERSION_FILE, "1.0.0\n");
+        begin(true);
+        written();
+        put(STATE "/slot", "a\n");
+        put(VERSION_FILE, "1.1.0\n");
+        board.variables = (struct update_variables){.slot = 'a'};
+        board.lost = true;
+        board.bt5 = good ? "on air" : "hangs";
+        begin(true);
+        board.lost = false;
+        assert_int_equal(self.update.state, UPDATE_TRIAL);
+        assert_int_equal(board.variables.trial, 'a'); /* also for a start that comes meanwhile */
+        pass(200);
+        assert_int_equal(board.variables.slot, good ? 'a' : 'b');
+        assert_int_equal(board.variables.trial_failed, good ? '\0' : 'a');
+    }
+}
+
 static void what_is_written_is_started_when_disarmed(void **state)
 {
     (void)state;
@@ -1170,6 +1197,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup(that_the_environment_was_lost_is_told, setup),
         cmocka_unit_test_setup(a_version_that_failed_is_given_up_again, setup),
+        cmocka_unit_test(one_on_trial_whose_mark_was_lost_is_tried),
         cmocka_unit_test_setup(what_is_written_is_started_when_disarmed, setup),
         cmocka_unit_test_setup(a_stick_s_update_is_not_started_on_an_old_disarmed, setup),
         cmocka_unit_test_setup(after_one_that_broke_off_hawkbit_is_left_alone, setup),

@@ -137,6 +137,8 @@ static void an_older_one_is_refused_where_the_configuration_is_damaged_or_lost(v
     expect_answer("can't be read");
     PUT(CONFIGURATION, "[update]\nprev\0\0\0\0");
     expect_answer("can't be read");
+    PUT(CONFIGURATION, "[update]\nprev\xFF\xFF\xFF\xFF");
+    expect_answer("can't be read");
     unlink(CONFIGURATION);
     expect_answer("can't be read");
     PUT(CONFIGURATION, "; what the boot has put there\n");
