@@ -53,7 +53,7 @@ NAMED = (
     Mutant("a place begins while two speak", "belief.c",
            "    if (belief_contradicted(belief, now_us)) {\n        return false;\n    }\n    return belief->no_fix_us", "    return belief->no_fix_us"),
     Mutant("a stray voice holds the vehicle off", "vehicle.c",
-           "(vehicle->kept == 0 && passed_by(vehicle, now_us) &&", "(false &&"),
+           "(passed_by(vehicle, now_us) &&", "(false &&"),
     Mutant("a stale native position goes on speaking", "aircraft_position.c",
            "native_counts = aircraft_fix_counts(native, now_us);", "native_counts = native->fix_us != INT64_MIN;"),
     Mutant("status 4 is forgotten", "aircraft_status.c", "out->status = AIRCRAFT_REMOTE_ID_FAILURE;", ""),

@@ -1984,13 +1984,15 @@ def with_config(appliance):
     return appliance
 
 
-@pytest.mark.parametrize("octets", [b"\0" * 40, b"\xff" * 40, b"a-sec\xff\xff\n"], ids=["NULs", "erased flash", "half of it"])
+@pytest.mark.parametrize("octets", [b"\0" * 40, b"\xff" * 40, b"a-sec\xff\xff\n", "a-secret\n".encode("utf-16")],
+                         ids=["NULs", "erased flash", "half of it", "saved as UTF-16"])
 def test_a_token_of_a_power_cut_s_zeros_is_not_emptied(with_config, octets):
     with_config.write("data/secrets/hawkbit-token", "a-secret\n")
     (with_config.root / "run/config").mkdir(parents=True, exist_ok=True)
     (with_config.root / "run/config/hawkbit-token").write_bytes(octets)
     with_config.must("/etc/init.d/S40config")
     assert with_config.read("data/secrets/hawkbit-token") == "a-secret\n"
+    assert "is damaged, or no plain text" in with_config.fault("hawkbit-ca")
 
 
 def test_a_token_without_a_line_end_is_used(swupdate):

@@ -60,6 +60,7 @@ void aircraft_restore_vertical(struct aircraft *aircraft, bool inverted)
 
 void aircraft_restore_crash(struct aircraft *aircraft, bool crashed, int64_t now_us)
 {
+    aircraft->crash_counts = crashed;
     aircraft->crashed_us = crashed ? now_us : INT64_MIN;
 }
 
@@ -111,7 +112,7 @@ static void forget_before_restart(struct aircraft *aircraft)
     aircraft->waiting_position.came_us = aircraft->waiting_time.came_us = INT64_MIN;
     aircraft->native_rated_us = INT64_MIN;
     aircraft->native_location.said_us = aircraft->native_location.emergency_us = INT64_MIN;
-    aircraft->landed_us = aircraft->in_air_us = aircraft->crashed_us = INT64_MIN;
+    aircraft->landed_us = aircraft->in_air_us = INT64_MIN; /* a crash stands */
     aircraft->landed_no_us = aircraft->lies_us = INT64_MIN;
     aircraft->landed_wrong = false;
     memset(aircraft->native_basic_id, 0, sizeof(aircraft->native_basic_id));
@@ -164,6 +165,19 @@ static void look_for_takeoff(struct aircraft *aircraft, int64_t now_us)
     }
 }
 
+/* The text counts with what a crash brings: some only say it, and fly on. Then it stands until it
+ * is armed again. */
+static void take_crash(struct aircraft *aircraft, bool says_armed, int64_t now_us)
+{
+    if (aircraft->crashed_us == INT64_MIN) {
+        return;
+    }
+    aircraft->crash_counts = aircraft->crash_counts || aircraft->says_disarmed;
+    if (says_armed && now_us - aircraft->crashed_us > CRASH_DISARMS_US) {
+        aircraft_restore_crash(aircraft, false, now_us);
+    }
+}
+
 static void take_heartbeat(struct aircraft *aircraft, const struct telemetry_update *update,
                            int64_t now_us)
 {
@@ -193,11 +207,7 @@ static void take_heartbeat(struct aircraft *aircraft, const struct telemetry_upd
     aircraft->heartbeat_us = now_us;
     take_kind(aircraft, update, now_us);
     take_type(aircraft);
-    /* The text counts with what a crash brings: some only say it, and fly on. */
-    if (says_armed && aircraft->crashed_us != INT64_MIN &&
-        now_us - aircraft->crashed_us > CRASH_DISARMS_US) {
-        aircraft->crashed_us = INT64_MIN;
-    }
+    take_crash(aircraft, says_armed, now_us);
     if (!aircraft->doubtful) {
         aircraft->doubtful_us = now_us;
     }

@@ -178,6 +178,7 @@ struct aircraft {
     bool landed_wrong; /* what it does contradicts its landed state, which counts when it changes */
     int64_t landed_no_us; /* since when it does; INT64_MIN: it doesn't */
     int64_t lies_us;      /* since when it is disarmed, low and at rest; INT64_MIN: it isn't */
+    bool crash_counts;    /* it was disarmed then, in no doubt */
     int64_t crashed_us;   /* when the autopilot said so; forgotten when it is armed again */
 
     bool takeoff_pending; /* armed, and may still become known */

@@ -144,7 +144,7 @@ bool aircraft_is_emergency(const struct aircraft *aircraft, int64_t now_us)
     if (aircraft_emergency_said(aircraft, now_us) != NULL) {
         return true;
     }
-    if (aircraft->says_disarmed && aircraft->crashed_us != INT64_MIN) {
+    if (aircraft->crash_counts) {
         return true; /* also where its autopilot dies of it */
     }
     if (!aircraft_fresh(aircraft->heartbeat_us, now_us)) {

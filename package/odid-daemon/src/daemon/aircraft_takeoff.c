@@ -53,7 +53,6 @@ void aircraft_begin_flight(struct aircraft *aircraft, bool arming_seen, int64_t 
     aircraft->takeoff_is_home = aircraft->takeoff_is_late = false;
     aircraft->takeoff_pending = arming_seen;
     aircraft->armed_us = now_us;
-    aircraft->crashed_us = INT64_MIN;
 }
 
 void aircraft_take_home(struct aircraft *aircraft, const struct telemetry_update *update)

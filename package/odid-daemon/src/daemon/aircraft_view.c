@@ -334,7 +334,7 @@ void aircraft_condition(const struct aircraft *aircraft, int64_t now_us,
         fix == &aircraft->native ? &aircraft->native_rate : &aircraft->telemetry_rate, now_us);
     condition->speed_wrong = fix != NULL && (fix->rest.wrong || fix->level.wrong);
     condition->vertical_inverted = aircraft->vertical.inverted;
-    condition->crashed = aircraft->crashed_us != INT64_MIN;
+    condition->crashed = aircraft->crash_counts;
     condition->fix_known = aircraft_fix_known(aircraft, now_us);
     condition->apart = aircraft_is_apart(&aircraft->telemetry, now_us) ||
                        aircraft_is_apart(&aircraft->native, now_us);

@@ -52,9 +52,11 @@ bool vehicle_is_settled(const struct vehicle *vehicle)
     return vehicle->last_us - vehicle->begun_us >= SETTLED_US;
 }
 
+/* Nobody who is kept or expected does. */
 static bool passed_by(const struct vehicle *vehicle, int64_t now_us)
 {
-    return vehicle->heartbeat_us != INT64_MIN && !vehicle_is_settled(vehicle) &&
+    return vehicle->kept == 0 && vehicle->system != vehicle->expected &&
+           vehicle->heartbeat_us != INT64_MIN && !vehicle_is_settled(vehicle) &&
            now_us - vehicle->last_us > PASSED_BY_US;
 }
 
@@ -83,25 +85,31 @@ static bool is_silent(const struct vehicle *vehicle, int64_t now_us)
     return now_us - vehicle->last_us > EXPECTED_US;
 }
 
+/* Seen on the ground, and armed since: also in the first minute nobody else is expected any more.
+ */
+static bool is_the_one_that_flies(const struct vehicle *vehicle)
+{
+    return vehicle->armed && vehicle->seen_disarmed && vehicle_is_settled(vehicle);
+}
+
 /*
  * Is this heartbeat, of another system than the vehicle, the vehicle's from now
  * on? Where that one has only passed by: yes. One that is expected, of the last power-on, is it at
- * once, but not once another one has taken off here. The kept one returns when the vehicle is
- * silent, or once it has said more than HEARTBEATs for a while, and leaves it to who took off here,
- * or to who was it before one HEARTBEAT of an old id, when it is silent again. Another one is a
- * changed system id, after a long silence and on the ground; not a ground station's, once there was
- * a vehicle.
+ * once, but not once another one flies. The kept one returns when the vehicle is silent, or once it
+ * has said more than HEARTBEATs for a while, and leaves it to who took off here, or to who was it
+ * before one HEARTBEAT of an old id, when it is silent again. Another one is a changed system id,
+ * after a long silence and on the ground; not a ground station's, once there was a vehicle.
  */
 static bool takes_over(const struct vehicle *vehicle, uint8_t system, bool armed, int64_t now_us)
 {
     bool none_yet = vehicle->heartbeat_us == INT64_MIN;
 
-    if (vehicle->system == 0 || (vehicle->kept == 0 && passed_by(vehicle, now_us) &&
-                                 !vehicle_is_ground_station(vehicle, system))) {
+    if (vehicle->system == 0 ||
+        (passed_by(vehicle, now_us) && !vehicle_is_ground_station(vehicle, system))) {
         return true;
     }
     if (system == vehicle->expected) {
-        return !took_off_here(vehicle, now_us);
+        return !is_the_one_that_flies(vehicle);
     }
     if (system == vehicle->kept) {
         return is_silent(vehicle, now_us) || has_returned(vehicle, now_us);
@@ -137,8 +145,13 @@ static void replace(struct vehicle *vehicle, uint8_t system, int64_t now_us)
 {
     uint8_t flies = took_off_here(vehicle, now_us) ? vehicle->system : 0;
 
-    vehicle->before = vehicle_is_settled(vehicle) ? vehicle->system : vehicle->before;
-    vehicle->seen_disarmed = system == vehicle->flies; /* it was, when it took off */
+    bool seen = system == vehicle->flies || (system == vehicle->before && vehicle->before_disarmed);
+
+    if (vehicle_is_settled(vehicle)) {
+        vehicle->before = vehicle->system;
+        vehicle->before_disarmed = vehicle->seen_disarmed;
+    }
+    vehicle->seen_disarmed = seen;
     vehicle->flies = flies;
     vehicle->system = system;
     vehicle->begun_us = now_us;

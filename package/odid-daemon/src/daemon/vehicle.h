@@ -25,6 +25,7 @@ struct vehicle {
     uint8_t kept;                    /* who was there first: it may return; 0: nobody yet */
     int64_t kept_us;                 /* when it was the vehicle last */
     uint8_t before;                  /* who was it until lately, for long; 0: nobody */
+    bool before_disarmed;            /* its seen_disarmed, until it returns */
     int64_t returns_us, returned_us; /* while another one is: it says more than HEARTBEATs since
                                         then, and did so last; returned_us INT64_MIN: it doesn't */
     uint8_t flies;                   /* who took off here before the kept one returned; 0: nobody */

@@ -227,7 +227,12 @@ static bool take_config(struct import *self, const char *blanked, size_t length)
 static bool parse(struct import *self, struct config *config, const char *text, size_t length)
 {
     unsigned errors = config_parse(config, self->name, text, length, on_sentence, self);
+    const char *fault = config_not_ini(text, length) == NULL ? why_no_text(text, length) : NULL;
 
+    if (fault != NULL) {
+        refuse(self, "%s %s", self->name, fault);
+        return false;
+    }
     if (errors > 0 && !self->refused) {
         refuse(self, "%s: so much is wrong that errors aren't listed here", self->name);
     }
@@ -246,14 +251,8 @@ static bool import_text(struct import *self, const char *path, char *text, size_
     read_in_force(self->places, &config);
     right = parse(self, &config, text, length);
     explicit_bzero(&config, sizeof(config));
-    if (config_not_ini(text, length) == NULL) {
-        const char *fault = why_no_text(text, length);
-
+    if (length > 0 && config_not_ini(text, length) == NULL) {
         note_oddities(self, text, length);
-        if (fault != NULL) {
-            refuse(self, "%s %s", self->name, fault);
-            right = false;
-        }
     }
     if (!right) {
         return false;

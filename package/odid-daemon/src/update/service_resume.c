@@ -167,7 +167,8 @@ void service_resume(struct service *self, bool first, int64_t now_us)
     if (first) {
         kernel_word("odid.fallback=", fallback, sizeof(fallback));
     }
-    if (self->lost && recorded && self->record.slot == self->running) {
+    if (self->lost && recorded && self->record.slot == self->running &&
+        strcmp(self->record.to, self->version) == 0) {
         mark_again(self);
     }
     if (is_trial(variables, self->running)) {

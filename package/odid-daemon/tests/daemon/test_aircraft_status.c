@@ -288,15 +288,30 @@ static void fly_and_crash(void)
 /* It lies there, disarmed, and by its landed state on the ground. */
 static void a_crash_is_an_emergency_until_it_is_armed_again(void **state)
 {
+    struct telemetry_update doubted = update_of(TELEMETRY_HEARTBEAT);
+
     (void)state;
     fly_and_crash();
     fly(60);
     assert_int_equal(view.location.status, AIRCRAFT_EMERGENCY);
-    begin(); /* our own restart */
-    aircraft_restore_crash(aircraft, true, now_us);
-    arm(false);
-    fly(60);
-    assert_int_equal(view.location.status, AIRCRAFT_EMERGENCY);
+    for (unsigned armed = 0; armed < 2; armed++) { /* our own restart, also while armed lasts */
+        begin();
+        aircraft_restore_armed(aircraft, armed);
+        aircraft_restore_crash(aircraft, true, now_us);
+        look();
+        assert_int_equal(view.location.status, AIRCRAFT_EMERGENCY); /* its autopilot may be dead */
+        arm(false);
+        fly(60);
+        assert_int_equal(view.location.status, AIRCRAFT_EMERGENCY);
+    }
+    doubted.heartbeat.doubtful = true; /* a stray voice ended it */
+    sim.heartbeat = false;
+    for (unsigned i = 0; i < 20; i++) {
+        give(&doubted);
+        fly(1);
+        assert_int_equal(view.location.status, AIRCRAFT_EMERGENCY);
+    }
+    sim.heartbeat = true;
     assert_true(condition.crashed);
     arm(true);
     fly(5);

@@ -76,6 +76,32 @@ static void a_stranger_while_it_restarts_takes_no_flight(void **state)
     ours_flies();
 }
 
+/* Right before it arms, and again and again in the air: it was seen disarmed before the first one.
+ */
+static void nor_do_more_of_them_in_the_air(void **state)
+{
+    (void)state;
+    one_frame(OLD, true);
+    now_us += SECOND;
+    for (unsigned i = 0; i < 150; i++) {
+        speaks_for(OURS, true, 4);
+        one_frame(OLD, i % 2 == 0);
+        assert_true(i < 2 || vehicle.system == OURS);
+    }
+}
+
+/* Its take-off point went with that, for the flight. */
+static void a_stranger_after_our_restart_is_not_the_expected_one(void **state)
+{
+    (void)state;
+    vehicle_init(&vehicle);
+    vehicle_expect(&vehicle, OLD, true, now_us);
+    one_frame(OLD, true);
+    now_us += 1600000;
+    one_frame(STRANGER, false);
+    assert_int_equal(vehicle.system, OLD);
+}
+
 /* The old one itself has time until another one takes off. */
 static void the_expected_one_may_come_late(void **state)
 {
@@ -108,6 +134,8 @@ int main(void)
         cmocka_unit_test_setup(one_frame_of_the_old_id_takes_no_flight, five_minutes_on_the_ground),
         cmocka_unit_test_setup(a_stranger_while_it_restarts_takes_no_flight,
                                five_minutes_on_the_ground),
+        cmocka_unit_test_setup(nor_do_more_of_them_in_the_air, five_minutes_on_the_ground),
+        cmocka_unit_test(a_stranger_after_our_restart_is_not_the_expected_one),
         cmocka_unit_test_setup(the_expected_one_may_come_late, five_minutes_on_the_ground),
         cmocka_unit_test(nor_does_one_of_the_id_that_it_had_before),
     };

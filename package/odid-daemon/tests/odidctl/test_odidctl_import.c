@@ -94,6 +94,10 @@ static void wrong_files_are_refused(void **state)
         put(CONF, BEFORE);
         snprintf(path, sizeof(path), "volume/%s", cases[i].name);
         put_bytes(path, cases[i].text, cases[i].length);
+        /* Nor is anything forgotten for it (a factory reset asks so). */
+        if (CALL("check", "volume") != 1) {
+            fail_msg("would not be refused: %s", cases[i].sentence);
+        }
         if (CALL("import", "volume") != 1) {
             fail_msg("was not refused: %s", cases[i].sentence);
         }

@@ -384,6 +384,26 @@ static void one_on_trial_whose_mark_was_lost_is_tried(void **state)
     }
 }
 
+/* What power broke off before the first octet was written: there is still what was in that slot. */
+static void what_was_never_written_is_not_tried(void **state)
+{
+    (void)state;
+    board.bt5 = "on air";
+    board.variables = (struct update_variables){.slot = 'b'};
+    put(STATE "/slot", "b\n");
+    put(VERSION_FILE, "1.0.0\n");
+    begin(true);
+    written();
+    put(STATE "/slot", "a\n");
+    put(VERSION_FILE, "0.9.0\n");
+    board.variables = (struct update_variables){.slot = 'a'};
+    board.lost = true;
+    begin(true);
+    board.lost = false;
+    assert_int_equal(self.update.state, UPDATE_IDLE);
+    assert_int_equal(board.variables.trial, '\0');
+}
+
 static void what_is_written_is_started_when_disarmed(void **state)
 {
     (void)state;
@@ -1198,6 +1218,7 @@ int main(void)
         cmocka_unit_test_setup(that_the_environment_was_lost_is_told, setup),
         cmocka_unit_test_setup(a_version_that_failed_is_given_up_again, setup),
         cmocka_unit_test(one_on_trial_whose_mark_was_lost_is_tried),
+        cmocka_unit_test_setup(what_was_never_written_is_not_tried, setup),
         cmocka_unit_test_setup(what_is_written_is_started_when_disarmed, setup),
         cmocka_unit_test_setup(a_stick_s_update_is_not_started_on_an_old_disarmed, setup),
         cmocka_unit_test_setup(after_one_that_broke_off_hawkbit_is_left_alone, setup),
