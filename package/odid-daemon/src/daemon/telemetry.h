@@ -41,10 +41,10 @@ enum telemetry_kind {
     TELEMETRY_OPERATOR_ID,
 };
 
-/* Angles in degrees, lengths in metres, speeds in m/s, up positive; NAN = unknown. */
 /* Sixteen pages of Authentication, one a second, come again within this time. */
 #define TELEMETRY_AUTHENTICATION_KEPT_US 30000000
 
+/* Angles in degrees, lengths in metres, speeds in m/s, up positive; NAN = unknown. */
 struct telemetry_update {
     enum telemetry_kind kind;
     bool by_another;  /* a native message: not its autopilot's own word */

@@ -144,7 +144,6 @@ static void keep(struct vehicle *vehicle, int64_t now_us)
 static void replace(struct vehicle *vehicle, uint8_t system, int64_t now_us)
 {
     uint8_t flies = took_off_here(vehicle, now_us) ? vehicle->system : 0;
-
     bool seen = system == vehicle->flies || (system == vehicle->before && vehicle->before_disarmed);
 
     if (vehicle_is_settled(vehicle)) {

@@ -17,6 +17,13 @@
 static struct vehicle vehicle;
 static int64_t now_us;
 
+static void power_on(void)
+{
+    now_us = 10 * SECOND;
+    vehicle_init(&vehicle);
+    vehicle_expect(&vehicle, OLD, false, now_us);
+}
+
 static void one_frame(uint8_t system, bool armed)
 {
     vehicle_heartbeat(&vehicle, system, armed, now_us);
@@ -41,9 +48,7 @@ static void ours_flies(void)
 static int five_minutes_on_the_ground(void **state)
 {
     (void)state;
-    now_us = 10 * SECOND;
-    vehicle_init(&vehicle);
-    vehicle_expect(&vehicle, OLD, false, now_us);
+    power_on();
     now_us += SECOND;
     speaks_for(OURS, false, 300);
     assert_int_equal(vehicle.system, OURS);
@@ -117,9 +122,7 @@ static void the_expected_one_may_come_late(void **state)
 static void nor_does_one_of_the_id_that_it_had_before(void **state)
 {
     (void)state;
-    now_us = 10 * SECOND;
-    vehicle_init(&vehicle);
-    vehicle_expect(&vehicle, OLD, false, now_us);
+    power_on();
     speaks_for(OLD, false, 60);
     speaks_for(OURS, false, 300);
     now_us += 4 * SECOND;

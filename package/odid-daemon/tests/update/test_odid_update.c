@@ -321,6 +321,27 @@ static int in_a_folder(void **state)
 
 /* ---- tests ---- */
 
+/* U-Boot starts slot a by its built-in variables. */
+static void slot_a_starts_without_the_environment(const char *version)
+{
+    put(STATE "/slot", "a\n");
+    put(VERSION_FILE, version);
+    board.lost = true;
+    begin(true);
+    board.lost = false;
+}
+
+/* For slot a, while slot b runs 1.0.0. */
+static void an_update_was_begun(void)
+{
+    board.bt5 = "on air";
+    board.variables = (struct update_variables){.slot = 'b'};
+    put(STATE "/slot", "b\n");
+    put(VERSION_FILE, "1.0.0\n");
+    begin(true);
+    written();
+}
+
 /* Slot b's 1.1.0 was kept, and U-Boot's built-in variables have slot a: an older version ran, and
  * nobody said so. */
 static void that_the_environment_was_lost_is_told(void **state)
@@ -330,11 +351,7 @@ static void that_the_environment_was_lost_is_told(void **state)
     (void)state;
     slot_b_is_on_trial();
     it_is_kept(true);
-    board.lost = true;
-    put(STATE "/slot", "a\n");
-    put(VERSION_FILE, "1.0.0\n");
-    begin(true);
-    board.lost = false;
+    slot_a_starts_without_the_environment("1.0.0\n");
     begin(false);
     pass(5);
     whole_file_line(FAULTS "/environment-lost", said, sizeof(said));
@@ -363,19 +380,9 @@ static void one_on_trial_whose_mark_was_lost_is_tried(void **state)
     (void)state;
     for (unsigned good = 0; good < 2; good++) {
         setup(NULL);
-        board.bt5 = "on air";
-        board.variables = (struct update_variables){.slot = 'b'};
-        put(STATE "/slot", "b\n");
-        put(VERSION_FILE, "1.0.0\n");
-        begin(true);
-        written();
-        put(STATE "/slot", "a\n");
-        put(VERSION_FILE, "1.1.0\n");
-        board.variables = (struct update_variables){.slot = 'a'};
-        board.lost = true;
+        an_update_was_begun();
         board.bt5 = good ? "on air" : "hangs";
-        begin(true);
-        board.lost = false;
+        slot_a_starts_without_the_environment("1.1.0\n");
         assert_int_equal(self.update.state, UPDATE_TRIAL);
         assert_int_equal(board.variables.trial, 'a'); /* also for a start that comes meanwhile */
         pass(200);
@@ -388,18 +395,8 @@ static void one_on_trial_whose_mark_was_lost_is_tried(void **state)
 static void what_was_never_written_is_not_tried(void **state)
 {
     (void)state;
-    board.bt5 = "on air";
-    board.variables = (struct update_variables){.slot = 'b'};
-    put(STATE "/slot", "b\n");
-    put(VERSION_FILE, "1.0.0\n");
-    begin(true);
-    written();
-    put(STATE "/slot", "a\n");
-    put(VERSION_FILE, "0.9.0\n");
-    board.variables = (struct update_variables){.slot = 'a'};
-    board.lost = true;
-    begin(true);
-    board.lost = false;
+    an_update_was_begun();
+    slot_a_starts_without_the_environment("0.9.0\n");
     assert_int_equal(self.update.state, UPDATE_IDLE);
     assert_int_equal(board.variables.trial, '\0');
 }
