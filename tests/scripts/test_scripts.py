@@ -2101,7 +2101,7 @@ def powered_on(appliance, config=None):
 OLD, SINCE = "0123456789abcdef\n", "fedcba9876543210\n"
 
 
-@pytest.mark.parametrize("imported, config", [(OLD, OLD), (None, OLD), ("\xff" * 17, OLD), (None, None)])
+@pytest.mark.parametrize("imported, config", [(OLD, OLD), (OLD, None), (None, OLD), ("\xff" * 17, OLD), (None, None)])
 def test_lost_settings_are_said_until_a_person_has_saved_some(with_config, with_data, imported, config):
     """At the next power-on what stood in for them was sound: another aircraft was on the air, and any older version was taken."""
     if imported:
