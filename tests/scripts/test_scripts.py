@@ -2137,6 +2137,19 @@ def test_damaged_settings_are_lost_ones(with_config, with_data):
     assert not powered_on(with_data, SINCE)
 
 
+WORN = {"NULs": b"\0" * 40, "erased flash": b"\xff" * 40, "half of it": b"[basic_id]\nuas_id = SSRS5\xff\xff\xff"}
+
+
+@pytest.mark.parametrize("octets", WORN.values(), ids=WORN)
+def test_settings_of_worn_flash_are_lost_ones_without_config_s(with_config, with_data, octets):
+    """Whoever set them by the page has none there: half of a number was the aircraft's."""
+    with_data.write("data/odid/odid.conf", "")
+    (with_data.root / "data/odid/odid.conf").write_bytes(octets)
+    with_data.write("data/odid/odid.conf.imported", OLD)
+    assert powered_on(with_data) and powered_on(with_data)
+    assert with_data.read("data/odid/odid.conf") == "the image's\n"
+
+
 def test_a_factory_reset_ends_what_was_lost(with_config, with_data):
     assert powered_on(with_data)
     with_data.write("checked", "/run/config: would be taken over\n")
@@ -2372,6 +2385,13 @@ def test_a_password_that_stayed_on_config_is_blanked_when_the_disk_is_there(in_m
     mend(in_memory, played="mount_config() { :; }\n")
     calls = in_memory.calls()
     assert calls.index("odidctl import /run/config") > next(number for number, call in enumerate(calls) if call.startswith("mounted"))
+
+
+@pytest.mark.parametrize("octets", WORN.values(), ids=WORN)
+def test_worn_settings_on_a_mended_disk_are_lost_ones(in_memory, octets):
+    (in_memory.root / "run/mended/odid/odid.conf").write_bytes(octets)
+    mend(in_memory, "echo broken | /lib/odid/mend-data late '' ''")
+    assert in_memory.read("data/odid/odid.conf") == "as booted\n" and "was set in /data is lost" in in_memory.fault("settings")
 
 
 @pytest.mark.parametrize("copied", ["", "yes"])

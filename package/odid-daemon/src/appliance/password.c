@@ -15,6 +15,7 @@
 
 #include "appliance/maintenance_key.h"
 #include "appliance/places.h"
+#include "base/log.h"
 #include "base/whole_file.h"
 #include "config/config_ini.h"
 
@@ -265,16 +266,34 @@ static int show(const char *data, const char *path, const char *password)
     return result;
 }
 
+static bool is_made(const char *password)
+{
+    for (size_t i = 0; i < MADE_LENGTH; i++) {
+        bool between = i % (MADE_GROUP + 1) == MADE_GROUP;
+
+        if (password[i] == '\0' || strchr(between ? "-" : MADE_LETTERS, password[i]) == NULL) {
+            return false;
+        }
+    }
+    return true;
+}
+
 int password_show_made(const char *data, const char *directory, bool *made)
 {
     char path[PLACES_PATH_SIZE], password[MADE_LENGTH + 1];
-    bool known = password_known(data);
+    bool known = password_known(data), worn;
     int result = 0;
 
     *made = false;
     data_path(data, MADE_FILE, path);
     read_line(path, password, sizeof(password));
-    if (password[0] == '\0' && !known) {
+    /* Then it was the one in force (password_keep), and nobody can read it any more. */
+    worn = access(path, F_OK) == 0 && !is_made(password);
+    if (worn) {
+        log_warning("the password that the board made is damaged: another one is made");
+    }
+    known = known && !worn;
+    if (worn || (password[0] == '\0' && !known)) {
         result = make(data, password);
     }
     if (result == 0 && !known) {

@@ -21,6 +21,7 @@ struct aircraft *aircraft_init(const struct config *config, int64_t start_us)
     aircraft.heartbeat_us = aircraft.kind_us = INT64_MIN;
     arming_init(&aircraft.arming, false);
     aircraft.landed_us = aircraft.in_air_us = aircraft.crashed_us = INT64_MIN;
+    aircraft.said_armed_us = INT64_MIN;
     aircraft.landed_no_us = aircraft.lies_us = INT64_MIN;
     aircraft_forget_receivers(&aircraft);
     aircraft.armed_ended_us = aircraft.auth_said_us = aircraft.unheard_us = INT64_MIN;
@@ -202,7 +203,9 @@ static void take_heartbeat(struct aircraft *aircraft, const struct telemetry_upd
         aircraft->armed_ended_us = now_us;
     }
     aircraft->flies_unheard = false;
-    aircraft->says_disarmed = !says_armed && !update->heartbeat.doubtful;
+    aircraft->said_armed_us = says_armed ? now_us : aircraft->said_armed_us;
+    aircraft->says_disarmed = !says_armed && (!update->heartbeat.doubtful ||
+                                              !aircraft_fresh(aircraft->said_armed_us, now_us));
     aircraft->armed = armed;
     aircraft->heartbeat_us = now_us;
     take_kind(aircraft, update, now_us);

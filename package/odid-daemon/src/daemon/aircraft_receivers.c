@@ -28,7 +28,7 @@
  * forgotten. */
 #define FORGOTTEN_PACE 5
 
-/* Whoever forges words for so long is seen (belief). */
+/* Whoever forges words for so long is seen (belief). Who said fewer contradicts nobody. */
 #define ENOUGH_US 10000000
 
 enum { TELEMETRY, NATIVE };
@@ -163,7 +163,7 @@ static void compare(struct aircraft *aircraft, struct aircraft_receiver *receive
         return;
     }
     receiver->near_us[which] = INT64_MIN;
-    if (!another_is_near(aircraft, which, now_us)) {
+    if (receiver->words.enough && !another_is_near(aircraft, which, now_us)) {
         is_now_apart(&fix->apart, now_us);
     }
 }
@@ -231,7 +231,7 @@ static void compare_altitude(const struct aircraft *aircraft,
     }
     if (!(fabs(above_m) > limit_m)) { /* nor where one of the two isn't known */
         is_now_near(&fix->high, now_us);
-    } else {
+    } else if (receiver->words.enough) {
         is_now_apart(&fix->high, now_us);
     }
 }

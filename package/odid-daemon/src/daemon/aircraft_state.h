@@ -169,7 +169,9 @@ struct aircraft {
     bool armed;         /* its outcome */
     bool flies_unheard; /* armed by what it does: no HEARTBEAT said so */
     int64_t unheard_us; /* since when it flies without one; INT64_MIN: it doesn't */
-    bool says_disarmed; /* its last word, from one source */
+    bool says_disarmed; /* its last word, from one source; of two that speak for 3 s nobody says
+                           armed */
+    int64_t said_armed_us;
     int64_t armed_us, armed_ended_us;
     unsigned boot_seen; /* the autopilot's starts of which something is known */
     int64_t landed_us;

@@ -33,6 +33,33 @@ static void every_native_field_is_taken_as_it_is(void **state)
     assert_int_equal(view.location.status, AIRCRAFT_AIRBORNE);
 }
 
+/* Somebody's, a kilometre away, or as much above it: it stood until the aircraft moved, and was
+ * neither armed nor on the air with a place, or with an altitude. */
+static void one_word_of_a_receiver_contradicts_nobody_that_stands_still(void **state)
+{
+    struct telemetry_update word = update_of(TELEMETRY_GPS_RAW), said = native_of(now_us);
+
+    (void)state;
+    sim.position = sim.gps = false;
+    word.gps_raw.fix_type = GPS_FIX_TYPE_3D_FIX;
+    word.gps_raw.horizontal_accuracy_m = word.gps_raw.vertical_accuracy_m = 1;
+    word.gps_raw.separation_m = 0;
+    for (unsigned i = 0; i < 120; i++) {
+        said = native_of(now_us);
+        give(&said);
+        if (i % 60 == 10) {
+            word.gps_raw.latitude_deg = said.location.latitude_deg + (i == 10 ? 0.01 : 0);
+            word.gps_raw.longitude_deg = said.location.longitude_deg;
+            word.gps_raw.altitude_msl_m = said.location.altitude_geodetic_m + (i == 10 ? 0 : 1000);
+            give(&word);
+        }
+        fly(1);
+        assert_true(view.location.position_fresh);
+        assert_near(view.location.altitude_geodetic_m, said.location.altitude_geodetic_m);
+        assert_false(condition.apart || condition.altitude_apart);
+    }
+}
+
 static void a_frozen_native_timestamp_is_not_fresh(void **state)
 {
     int64_t frozen_us;
@@ -418,6 +445,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup(every_native_field_is_taken_as_it_is, begin_setup),
+        cmocka_unit_test_setup(one_word_of_a_receiver_contradicts_nobody_that_stands_still,
+                               begin_setup),
         cmocka_unit_test_setup(a_frozen_native_timestamp_is_not_fresh, begin_setup),
         cmocka_unit_test_setup(without_a_timestamp_any_change_is_fresh, begin_setup),
         cmocka_unit_test_setup(native_messages_out_of_order_do_not_move_it_back, begin_setup),

@@ -517,7 +517,7 @@ static void near_for_a_moment_is_not_near(void **state)
     sim.gps_latitude_deg = sim.latitude_deg;
     sim.gps_longitude_deg = sim.longitude_deg;
     sim.north_mps = 20;
-    fly_with_an_offset(0, 3);
+    fly_with_an_offset(0, 12);
     for (unsigned i = 0; i < 6; i++) {
         fly_with_an_offset(150, 9);
         said += condition.apart && !view.location.position_fresh;
@@ -753,6 +753,7 @@ static void an_altitude_that_was_contradicted_does_not_come_back(void **state)
     second.gps_raw.fix_type = GPS_FIX_TYPE_2D_FIX;
     second.gps_raw.latitude_deg = second.gps_raw.longitude_deg = NAN;
     second.gps_raw.altitude_msl_m = second.gps_raw.separation_m = NAN;
+    fly(12);
     sim.gps_altitude_m = sim.altitude_m + 200;
     for (unsigned i = 0; i < 20; i++) {
         give(&second);

@@ -237,6 +237,37 @@ static void hardware_in_the_loop_is_known_as_such(void **state)
     assert_false(condition.simulated);
 }
 
+/* Falling, beside a stray voice that says anything: it was in no distress for receivers. */
+static void in_doubt_it_falls_as_well(void **state)
+{
+    struct telemetry_update update = update_of(TELEMETRY_HEARTBEAT);
+
+    (void)state;
+    fly(5);
+    arm(true);
+    fly(5);
+    sim.altitude_m += 80;
+    fly(5);
+    sim.heartbeat = false;
+    sim.up_mps = -5;
+    update.heartbeat.mav_type = sim.mav_type;
+    update.heartbeat.autopilot = sim.autopilot;
+    update.heartbeat.doubtful = true;
+    for (unsigned i = 0; i < 9; i++) {
+        give(&update);
+        sim.altitude_m -= 5;
+        fly(1);
+        assert_int_equal(view.location.status, i >= 3 ? AIRCRAFT_EMERGENCY : AIRCRAFT_AIRBORNE);
+    }
+    update.heartbeat.base_mode = MAV_MODE_FLAG_SAFETY_ARMED; /* who flies says so each second */
+    for (unsigned i = 0; i < 9; i++) {
+        give(&update);
+        update.heartbeat.base_mode ^= MAV_MODE_FLAG_SAFETY_ARMED;
+        fly(1);
+        assert_int_equal(view.location.status, AIRCRAFT_AIRBORNE);
+    }
+}
+
 /* Two take turns, and one of them says emergency. */
 static void in_doubt_one_word_is_no_emergency(void **state)
 {
@@ -677,6 +708,7 @@ int main(void)
         cmocka_unit_test_setup(a_landed_state_that_stopped_gives_way_to_the_armed_bit, begin_setup),
         cmocka_unit_test_setup(an_emergency_is_said_and_over_when_it_is_over, begin_setup),
         cmocka_unit_test_setup(an_emergency_without_a_position_is_an_emergency, begin_setup),
+        cmocka_unit_test_setup(in_doubt_it_falls_as_well, begin_setup),
         cmocka_unit_test_setup(a_crash_that_is_only_said_is_none, begin_setup),
         cmocka_unit_test_setup(hardware_in_the_loop_is_known_as_such, begin_setup),
         cmocka_unit_test_setup(in_doubt_one_word_is_no_emergency, begin_setup),

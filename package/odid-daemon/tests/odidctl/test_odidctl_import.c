@@ -1,4 +1,5 @@
 /* odidctl import: what technicians' computers make of a file, and what comes of it. */
+#include "appliance/password.h"
 #include "odidctl_bench.h"
 
 #include <sys/mount.h>
@@ -441,11 +442,46 @@ static void a_made_password_without_key_gets_it(void **state)
 {
     (void)state;
     put("data/secrets/wifi_ssid", "IEEE\n");
-    put("data/secrets/maintenance.made", "password\n");
+    put("data/secrets/maintenance.made", "abcd-efgh-jkmn\n");
     assert_int_equal(CALL("import", "volume"), 0);
     expect_file("data/secrets/maintenance.psk",
-                "f42c6fc52df0ebef9ebb4b90b38a5f902e83fe1b135a70e23aed762e9710a12e\nIEEE\n");
-    assert_non_null(strstr(got(MADE), "    password\r\n"));
+                "9572061122096ab642e57dc31a1fa49d2cfa4f3180c1b1ed0055689a40039da5\nIEEE\n");
+    assert_non_null(strstr(got(MADE), "    abcd-efgh-jkmn\r\n"));
+}
+
+/* The only copy that anybody could read went from the volume, its key stayed in force, and the
+ * report said that a password was set; or it showed octets that nobody can type. */
+static void a_made_password_of_worn_flash_is_made_anew(void **state)
+{
+    static const struct {
+        const char *text;
+        size_t length;
+    } worn[] = {
+        {BYTES("")},
+        {BYTES("\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0")},
+        {BYTES("\xFF\xFF\xFF\xFF\xFF\xFF\xFF\xFF\xFF\xFF\xFF\xFF\xFF\xFF\n")},
+        {BYTES("abcd-efgh-\xFF\xFF\xFF\xFF\n")},
+    };
+
+    (void)state;
+    for (unsigned i = 0; i < 2 * COUNT(worn); i++) {
+        char *at;
+
+        bench_clear(NULL);
+        assert_int_equal(CALL("import", "volume"), 0);
+        put_bytes("data/secrets/maintenance.made", worn[i / 2].text, worn[i / 2].length);
+        if (i % 2 != 0) {
+            put_bytes("data/secrets/maintenance.psk", worn[i / 2].text, worn[i / 2].length);
+        }
+        assert_int_equal(CALL("import", "volume"), 0);
+        at = strstr(got(MADE), ":\r\n\r\n    ");
+        assert_non_null(at);
+        at += strlen(":\r\n\r\n    ");
+        at[strcspn(at, "\r")] = '\0';
+        assert_int_equal(strlen(at), 14);
+        assert_int_equal(strspn(at, "abcdefghjkmnpqrstuvwxyz23456789-"), 14);
+        assert_int_equal(password_check("data", at), 1);
+    }
 }
 
 /* They are left on the volume, which any computer reads. */
@@ -750,6 +786,7 @@ int main(void)
         TEST(a_password_that_is_in_memory_only_stays_on_the_volume),
         TEST(a_password_is_made_and_shown),
         TEST(a_made_password_without_key_gets_it),
+        TEST(a_made_password_of_worn_flash_is_made_anew),
         TEST(no_password_stays_in_a_file_that_does_not_count),
         TEST(a_refused_file_keeps_its_password),
         TEST(keys_are_taken_over),
