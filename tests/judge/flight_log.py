@@ -29,6 +29,7 @@ GNSS_FRESH_S = 3.0  # a fix is known for so long after it was said ...
 GNSS_TOLERANCE_S = 1.1  # ... by the transmitter's clock, of what was heard in between
 DECIDING_SECONDS = 3  # so many tell that the vertical speed is upside down ...
 DECIDING_TOLERANCE_S = 2.0  # ... to a transmitter whose seconds begin at other instants
+HEARD_LATE_S = 0.2  # by so much, by a transmitter whose machine is late
 BESIDE_S = 0.5  # two positions so near in time are of one place
 POSITION_MESSAGES = ("GLOBAL_POSITION_INT", "OPEN_DRONE_ID_LOCATION")
 _FIRST, _MONO = operator.itemgetter(0), operator.attrgetter("mono")
@@ -118,7 +119,7 @@ class FlightLog:
 
     def native_undulations_near(self, start_mono: float, end_mono: float) -> list[float]:
         """By the geodetic altitudes of native positions, fresh at that time, beside telemetry's above the sea."""
-        first = bisect.bisect_right(self.native_undulations, start_mono - GNSS_FRESH_S, key=_FIRST)
+        first = bisect.bisect_right(self.native_undulations, start_mono - GNSS_FRESH_S - HEARD_LATE_S, key=_FIRST)
         last = bisect.bisect_right(self.native_undulations, end_mono, key=_FIRST)
         return [undulation_m for _, undulation_m in self.native_undulations[first:last]]
 

@@ -935,6 +935,13 @@ def test_a_damaged_key_takes_remote_id_off_nothing(appliance, damaged):
     assert "Set [maintenance] password anew" in appliance.fault("secrets")
 
 
+def test_a_key_that_cannot_be_read_is_said_to_be(appliance):
+    """A folder stands for it. Nobody could join, and the report said that a password was set."""
+    (appliance.root / "data/secrets/maintenance.psk").mkdir(parents=True)
+    appliance.must("/lib/odid/hostapd-key on")
+    assert "Set [maintenance] password anew" in appliance.fault("secrets")
+
+
 @pytest.mark.parametrize("in_force, fault", [("SE", False), ("00", True), ("98", True)])
 def test_a_country_that_is_not_in_force_is_a_fault(appliance, in_force, fault):
     hostapd(appliance)
@@ -2137,6 +2144,14 @@ def test_damaged_settings_are_lost_ones(with_config, with_data):
     assert not powered_on(with_data, SINCE)
 
 
+def test_a_worn_mark_of_lost_settings_is_no_person_s_word(with_config, with_data):
+    with_data.write("data/odid/odid.conf.imported", OLD)
+    assert powered_on(with_data, OLD) and powered_on(with_data, OLD)
+    (with_data.root / "data/odid/settings-lost").write_bytes(b"\xff" * 17)
+    assert powered_on(with_data, OLD)
+    assert not powered_on(with_data, SINCE)
+
+
 WORN = {"NULs": b"\0" * 40, "erased flash": b"\xff" * 40, "half of it": b"[basic_id]\nuas_id = SSRS5\xff\xff\xff"}
 
 
@@ -2392,6 +2407,44 @@ def test_worn_settings_on_a_mended_disk_are_lost_ones(in_memory, octets):
     (in_memory.root / "run/mended/odid/odid.conf").write_bytes(octets)
     mend(in_memory, "echo broken | /lib/odid/mend-data late '' ''")
     assert in_memory.read("data/odid/odid.conf") == "as booted\n" and "was set in /data is lost" in in_memory.fault("settings")
+
+
+def test_half_of_the_settings_is_not_what_was_set(in_memory):
+    """Of a disk that can't be repaired cp had half of odid.conf: it counted from then on, and nothing was said."""
+    in_memory.must("rm -rf /run/mended/odid /data/odid/odid.conf")
+    in_memory.write("run/old-data/odid/odid.conf", "half of it\nand the rest\n")
+    in_memory.write("run/old-data/odid/odid.conf.imported", OLD)
+    in_memory.write("run/old-data/ssh/authorized_keys", "the technician's\n")
+    mend(in_memory, """. /lib/odid/data-disk; . /played
+eval "$(sed -n '/^went_on()/,/^}/p; /^copy_old()/,/^}/p' /etc/init.d/S30data)"
+copy_old
+[ -e /data/odid/odid.conf ] || echo "the image's" >/data/odid/odid.conf
+/lib/odid/mend-data broken "$copied" "$reset\"""", """cp() {
+	case "$*" in
+	*old-data/odid/odid.conf*) [ -d "$3" ] && head -n 1 "$2" >"$3/odid.conf" || head -n 1 "$2" >"$3"; return 1 ;;
+	*) /bin/cp "$@" ;;
+	esac
+}
+""")
+    assert "half of it" not in in_memory.read("data/odid/odid.conf") + in_memory.read("run/mended/odid/odid.conf")
+    assert "Check the serial number" in in_memory.fault("settings")
+    assert in_memory.read("data/ssh/authorized_keys") == "the technician's\n"
+
+
+def test_what_cannot_be_read_is_no_text(appliance):
+    """A folder stands for it."""
+    appliance.must(". /lib/odid/data-disk; ! is_text /data")
+
+
+def test_keys_of_a_late_disk_are_rescued_though_its_settings_are_worn(in_memory):
+    (in_memory.root / "run/old-data/odid").mkdir(parents=True)
+    (in_memory.root / "run/old-data/odid/odid.conf").write_bytes(b"\xff" * 40)
+    in_memory.write("run/old-data/secrets/maintenance.psk", KEY + "\nRemoteID-0A1B\n")
+    in_memory.write("run/old-data/ssh/authorized_keys", "the technician's\n")
+    in_memory.write("usr/bin/e2fsck", "#!/bin/sh\nexit 8\n")
+    mend(in_memory, "echo broken | /lib/odid/mend-data late '' ''")
+    assert in_memory.exists("data/ssh/authorized_keys") and in_memory.exists("data/secrets/maintenance.psk")
+    assert in_memory.read("data/odid/odid.conf") == "as booted\n" and in_memory.fault("settings") is not None
 
 
 @pytest.mark.parametrize("copied", ["", "yes"])

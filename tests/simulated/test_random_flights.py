@@ -71,6 +71,15 @@ EVER_FAILED = {
     "the law gave a daemon that began anew no time to bind a chip's driver anew": (401199, (
         "legacy20", "udp", (0.3, 150000), True, ("ArduPilot with Open Drone ID, 10 Hz", 2), [
             ("controller_hangs_until_bound_anew", 427.944263, 2.294457), ("daemon_hangs", 430.205247, 7.079487)])),
+    "a native fix after a restart didn't confirm the position of the same burst": (501425, (
+        "bcm43455", "serial", (0.0, 0), False, ("ArduPilot with Open Drone ID, without GPS_RAW_INT", 8), [
+            ("autopilot_restarts", 14.143634, 1.648379)])),
+    "the judge gave a late machine a native altitude for three seconds to the millisecond": (500287, (
+        "full", "udp", (0.3, 150000), False, ("ArduPilot with Open Drone ID, without GPS_RAW_INT", 8), [
+            ("another_vehicle", 24.825023, 0.045932), ("crafted_frames", 67.150694, 7.06752),
+            ("hostapd_refuses", 102.830481, 1.733734), ("hostapd_slow", 131.088051, 0.051606),
+            ("controller_hangs_until_bound_anew", 131.132022, 0.533216), ("hostapd_killed", 159.890709, 5.295372),
+            ("hostapd_refuses", 192.841914, 21.646811), ("autopilot_unplugged", 197.824686, 1.918281)])),
 }
 
 

@@ -92,8 +92,10 @@ static inline void begin_with_vehicle(void)
 {
     begin();
     feed(autopilot_heartbeat(VEHICLE));
-    now_us += 3 * SECOND; /* it is there to stay */
-    feed(autopilot_heartbeat(VEHICLE));
+    for (unsigned i = 0; i < 3; i++) { /* it is there to stay */
+        now_us += SECOND;
+        feed(autopilot_heartbeat(VEHICLE));
+    }
     feed(ground_station_heartbeat(GROUND_STATION));
     update_count = 0;
 }

@@ -295,12 +295,17 @@ int password_show_made(const char *data, const char *directory, bool *made)
     known = known && !worn;
     if (worn || (password[0] == '\0' && !known)) {
         result = make(data, password);
+    } else if (known && password[0] != '\0') {
+        int right = password_check(data, password);
+
+        known = right >= 0; /* else the key can't be read, and is made anew */
+        if (right == 0) {
+            password[0] = '\0'; /* another one is in force */
+            result = remove_file(path);
+        }
     }
     if (result == 0 && !known) {
         result = keep_key(data, password);
-    } else if (password[0] != '\0' && password_check(data, password) == 0) {
-        password[0] = '\0'; /* another one is in force */
-        result = remove_file(path);
     }
     if (result < 0) {
         return result;

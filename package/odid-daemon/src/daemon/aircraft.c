@@ -10,6 +10,7 @@
 
 #define SAME_FLIGHT_US 60000000
 #define CRASH_DISARMS_US 10000000
+#define ARMED_AGAIN_US 3000000
 
 struct aircraft *aircraft_init(const struct config *config, int64_t start_us)
 {
@@ -21,11 +22,12 @@ struct aircraft *aircraft_init(const struct config *config, int64_t start_us)
     aircraft.heartbeat_us = aircraft.kind_us = INT64_MIN;
     arming_init(&aircraft.arming, false);
     aircraft.landed_us = aircraft.in_air_us = aircraft.crashed_us = INT64_MIN;
-    aircraft.said_armed_us = INT64_MIN;
+    aircraft.said_armed_us = aircraft.only_armed_us = INT64_MIN;
     aircraft.landed_no_us = aircraft.lies_us = INT64_MIN;
     aircraft_forget_receivers(&aircraft);
     aircraft.armed_ended_us = aircraft.auth_said_us = aircraft.unheard_us = INT64_MIN;
-    aircraft.separation = (struct aircraft_separation){.m = NAN, .said_us = INT64_MIN};
+    aircraft.separation =
+        (struct aircraft_separation){.m = NAN, .lasting_m = NAN, .said_us = INT64_MIN};
     aircraft.native_separation_m = NAN;
     aircraft.telemetry.fix_us = aircraft.position_boot_us = INT64_MIN;
     aircraft.waiting_position.came_us = aircraft.waiting_time.came_us = INT64_MIN;
@@ -167,14 +169,16 @@ static void look_for_takeoff(struct aircraft *aircraft, int64_t now_us)
 }
 
 /* The text counts with what a crash brings: some only say it, and fly on. Then it stands until it
- * is armed again. */
-static void take_crash(struct aircraft *aircraft, bool says_armed, int64_t now_us)
+ * is armed again: not by a word that somebody contradicts. */
+static void take_crash(struct aircraft *aircraft, int64_t now_us)
 {
     if (aircraft->crashed_us == INT64_MIN) {
         return;
     }
     aircraft->crash_counts = aircraft->crash_counts || aircraft->says_disarmed;
-    if (says_armed && now_us - aircraft->crashed_us > CRASH_DISARMS_US) {
+    if (aircraft->only_armed_us != INT64_MIN &&
+        now_us - aircraft->only_armed_us >= ARMED_AGAIN_US &&
+        now_us - aircraft->crashed_us > CRASH_DISARMS_US) {
         aircraft_restore_crash(aircraft, false, now_us);
     }
 }
@@ -206,11 +210,16 @@ static void take_heartbeat(struct aircraft *aircraft, const struct telemetry_upd
     aircraft->said_armed_us = says_armed ? now_us : aircraft->said_armed_us;
     aircraft->says_disarmed = !says_armed && (!update->heartbeat.doubtful ||
                                               !aircraft_fresh(aircraft->said_armed_us, now_us));
+    if (!says_armed || update->heartbeat.doubtful) {
+        aircraft->only_armed_us = INT64_MIN;
+    } else if (aircraft->only_armed_us == INT64_MIN) {
+        aircraft->only_armed_us = now_us;
+    }
     aircraft->armed = armed;
     aircraft->heartbeat_us = now_us;
     take_kind(aircraft, update, now_us);
     take_type(aircraft);
-    take_crash(aircraft, says_armed, now_us);
+    take_crash(aircraft, now_us);
     if (!aircraft->doubtful) {
         aircraft->doubtful_us = now_us;
     }
@@ -343,8 +352,8 @@ static void take_authentication(struct aircraft *aircraft, const struct telemetr
         !aircraft_is_heard(aircraft, GROUND_AUTHENTICATION, update, false, now_us)) {
         return;
     }
-    if (aircraft->auth_by_another && !update->by_another) {
-        aircraft->auth_received = 0; /* from now on they are the vehicle's own */
+    if (aircraft->auth_by_another != update->by_another) {
+        aircraft->auth_received = 0; /* from now on they are the vehicle's own, or no more */
     }
     aircraft->auth_by_another = update->by_another;
     aircraft->auth_said_us = now_us;
@@ -464,6 +473,7 @@ void aircraft_update(struct aircraft *aircraft, const struct telemetry_update *u
     case TELEMETRY_LOCATION:
         if (aircraft_take_location(aircraft, update, now_us)) {
             use_position(aircraft, now_us);
+            confirm(aircraft, now_us);
         }
         break;
     case TELEMETRY_AUTHENTICATION:

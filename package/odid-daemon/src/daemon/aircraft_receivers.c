@@ -297,8 +297,12 @@ static void take_separation(struct aircraft *aircraft, const struct aircraft_rec
     if (!isnan(receiver->separation_m) &&
         (best == receiver || best == NULL || isnan(best->separation_m))) {
         separation->m = receiver->separation_m;
+        separation->words.enough = false;
         count_word(aircraft, &separation->words, separation->said_us, now_us);
         separation->said_us = now_us;
+        if (separation->words.enough) {
+            separation->lasting_m = separation->m;
+        }
     }
 }
 
@@ -306,8 +310,10 @@ double aircraft_separation_m(const struct aircraft *aircraft, int64_t now_us)
 {
     const struct aircraft_separation *separation = &aircraft->separation;
 
-    return separation->words.enough || aircraft_fresh(separation->said_us, now_us) ? separation->m
-                                                                                   : NAN;
+    if (!isnan(separation->lasting_m)) {
+        return separation->lasting_m;
+    }
+    return aircraft_fresh(separation->said_us, now_us) ? separation->m : NAN;
 }
 
 void aircraft_take_gps_raw(struct aircraft *aircraft, const struct telemetry_update *update,

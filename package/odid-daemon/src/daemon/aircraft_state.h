@@ -68,10 +68,10 @@ struct aircraft_receiver {
 };
 
 /* Ellipsoid height minus height above mean sea level. It changes by metres over tens of kilometres,
- * and holds until it is said anew: but not what was said a few times only. */
+ * and holds until another one is said as often. */
 struct aircraft_separation {
-    double m;        /* NAN: never said */
-    int64_t said_us; /* INT64_MIN: never */
+    double m, lasting_m; /* said last; said often enough; NAN: never */
+    int64_t said_us;     /* INT64_MIN: never */
     struct aircraft_words words;
 };
 
@@ -166,12 +166,13 @@ struct aircraft {
     bool doubtful;       /* two sources speak as the autopilot */
     int64_t doubtful_us; /* since when */
     struct arming arming;
-    bool armed;         /* its outcome */
-    bool flies_unheard; /* armed by what it does: no HEARTBEAT said so */
-    int64_t unheard_us; /* since when it flies without one; INT64_MIN: it doesn't */
-    bool says_disarmed; /* its last word, from one source; of two that speak for 3 s nobody says
-                           armed */
-    int64_t said_armed_us;
+    bool armed;            /* its outcome */
+    bool flies_unheard;    /* armed by what it does: no HEARTBEAT said so */
+    int64_t unheard_us;    /* since when it flies without one; INT64_MIN: it doesn't */
+    bool says_disarmed;    /* its last word, from one source; of two that speak for 3 s nobody says
+                              armed */
+    int64_t said_armed_us; /* the last such word */
+    int64_t only_armed_us; /* since when it says nothing else, in no doubt; INT64_MIN: it doesn't */
     int64_t armed_us, armed_ended_us;
     unsigned boot_seen; /* the autopilot's starts of which something is known */
     int64_t landed_us;

@@ -30,8 +30,8 @@
 #define DELAY_S 0.2
 #define JUMP_FULL_M (JUMP_MAX_M + SPEED_MAX_MPS * DELAY_S)
 #define ALTITUDES_DIFFER_M 150.0
-#define SECOND_FIX_US 3000000 /* a receiver says so once a second */
-#define FIX_TYPE_2D 2         /* GPS_FIX_TYPE */
+#define FIX_FRESH_US 3000000 /* a receiver says so once a second */
+#define FIX_TYPE_2D 2        /* GPS_FIX_TYPE */
 #define FIX_TYPE_3D 3
 /* The geoid changes by metres over tens of kilometres: so fast under the fastest aircraft. */
 #define SEPARATION_STEP_MAX_M 5.0
@@ -264,12 +264,13 @@ static bool confirmed(struct belief *belief, const struct belief_place *place)
 /* Another receiver may have one. */
 static bool second_fix(const struct belief *belief, int64_t now_us)
 {
-    return belief->second_fix_us != INT64_MIN && now_us - belief->second_fix_us < SECOND_FIX_US;
+    return belief->second_fix_us != INT64_MIN && now_us - belief->second_fix_us < FIX_FRESH_US;
 }
 
 static bool has_no_fix(const struct belief *belief, int64_t now_us)
 {
-    return belief->no_fix && !second_fix(belief, now_us);
+    return belief->no_fix && now_us - belief->no_fix_us < FIX_FRESH_US &&
+           !second_fix(belief, now_us);
 }
 
 /* No place begins while anybody says that there is no fix: the real one may be who says so. Nor

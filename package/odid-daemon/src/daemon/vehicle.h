@@ -13,22 +13,26 @@
 #include <stdint.h>
 
 struct vehicle {
-    uint8_t system;                  /* MAVLink's system id; 0: none yet */
-    bool armed;                      /* its last word */
-    bool seen_disarmed;              /* it said so before */
-    int64_t begun_us;                /* its first HEARTBEAT */
-    int64_t heartbeat_us;            /* its last one; INT64_MIN: none */
-    int64_t last_us;                 /* its last frame */
-    int64_t until_us;                /* no other system is the vehicle until then */
-    uint8_t expected;                /* of the last power-on, and not settled since; 0: nobody */
-    int64_t expected_until_us;       /* until then nobody else is kept, or took off here */
-    uint8_t kept;                    /* who was there first: it may return; 0: nobody yet */
-    int64_t kept_us;                 /* when it was the vehicle last */
-    uint8_t before;                  /* who was it until lately, for long; 0: nobody */
-    bool before_disarmed;            /* its seen_disarmed, until it returns */
-    int64_t returns_us, returned_us; /* while another one is: it says more than HEARTBEATs since
-                                        then, and did so last; returned_us INT64_MIN: it doesn't */
-    uint8_t flies;                   /* who took off here before the kept one returned; 0: nobody */
+    uint8_t system;       /* MAVLink's system id; 0: none yet */
+    bool armed;           /* its last word */
+    bool seen_disarmed;   /* it said so before */
+    bool settled;         /* it was heard for a while without a break: no stray voice */
+    int64_t begun_us;     /* since when it is heard without a break */
+    int64_t heartbeat_us; /* its last HEARTBEAT; INT64_MIN: none */
+    int64_t last_us;      /* its last frame */
+    /* Who may return, while another one is the vehicle; 0: nobody. */
+    uint8_t expected;          /* of the last power-on, and not settled since */
+    int64_t expected_until_us; /* until then nobody else is kept */
+    uint8_t kept;              /* who was there first */
+    int64_t kept_us;           /* when it was the vehicle last */
+    struct vehicle_return {    /* one of these two says more than HEARTBEATs, without a break */
+        uint8_t system;
+        int64_t begun_us, last_us;
+    } returns;
+    struct vehicle_left { /* whose place was taken last, of those that were settled */
+        uint8_t system;
+        bool seen_disarmed, flew;
+    } left;
     uint8_t ground_stations[256 / 8]; /* system ids that sent a ground station's HEARTBEAT */
 };
 

@@ -742,6 +742,19 @@ static void a_second_speaker_neither_ends_nor_mixes_an_authentication(void **sta
     assert_int_equal(view.auth[1].data[0], 0xC1);
 }
 
+/* The vehicle's old signature came back with a page of somebody else's. */
+static void nobody_else_goes_on_with_an_authentication(void **state)
+{
+    (void)state;
+    page(0, 1, 5, 0xA0);
+    page(1, 1, 5, 0xA1);
+    assert_int_equal(view.auth_pages, 2);
+    fly(60);
+    page_speaker = 255;
+    page(2, 2, 5, 0xB2);
+    assert_int_equal(view.auth_pages, 0);
+}
+
 static void joining_in_the_middle_waits_for_page_0(void **state)
 {
     (void)state;
@@ -850,6 +863,7 @@ int main(void)
         cmocka_unit_test_setup(pages_of_two_authentications_never_mix, begin_setup),
         cmocka_unit_test_setup(a_second_speaker_neither_ends_nor_mixes_an_authentication,
                                begin_setup),
+        cmocka_unit_test_setup(nobody_else_goes_on_with_an_authentication, begin_setup),
         cmocka_unit_test_setup(joining_in_the_middle_waits_for_page_0, begin_setup),
         cmocka_unit_test_setup(impossible_pages_are_ignored, begin_setup),
         cmocka_unit_test_setup(authentication_ends_by_silence, begin_setup),

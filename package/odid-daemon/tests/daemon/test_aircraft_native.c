@@ -33,6 +33,23 @@ static void every_native_field_is_taken_as_it_is(void **state)
     assert_int_equal(view.location.status, AIRCRAFT_AIRBORNE);
 }
 
+/* After a restart of the autopilot its altitude and its height were unknown for a moment. */
+static void a_native_fix_confirms_the_position_of_the_same_burst(void **state)
+{
+    struct telemetry_update update;
+
+    (void)state;
+    begin();
+    position();
+    look();
+    assert_false(view.location.position_fresh);
+    update = native_of(now_us);
+    update.location.height_m = NAN;
+    give(&update);
+    look();
+    assert_near(view.location.height_m, sim.relative_m);
+}
+
 /* Somebody's, a kilometre away, or as much above it: it stood until the aircraft moved, and was
  * neither armed nor on the air with a place, or with an altitude. */
 static void one_word_of_a_receiver_contradicts_nobody_that_stands_still(void **state)
@@ -445,6 +462,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup(every_native_field_is_taken_as_it_is, begin_setup),
+        cmocka_unit_test_setup(a_native_fix_confirms_the_position_of_the_same_burst, begin_setup),
         cmocka_unit_test_setup(one_word_of_a_receiver_contradicts_nobody_that_stands_still,
                                begin_setup),
         cmocka_unit_test_setup(a_frozen_native_timestamp_is_not_fresh, begin_setup),

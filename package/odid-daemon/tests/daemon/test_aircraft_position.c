@@ -522,6 +522,32 @@ static void a_separation_that_was_said_once_does_not_stay(void **state)
     assert_unknown(view.location.altitude_geodetic_m);
 }
 
+/* A second receiver knew it for a while, and is gone: one word was the ellipsoid for the flight. */
+static void a_separation_that_lasts_gives_way_to_no_single_word(void **state)
+{
+    struct telemetry_update second = update_of(TELEMETRY_GPS2_RAW);
+
+    (void)state;
+    sim.separation_m = NAN;
+    second.gps_raw.fix_type = GPS_FIX_TYPE_3D_FIX;
+    second.gps_raw.latitude_deg = sim.latitude_deg;
+    second.gps_raw.longitude_deg = sim.longitude_deg;
+    second.gps_raw.altitude_msl_m = sim.altitude_m;
+    second.gps_raw.horizontal_accuracy_m = second.gps_raw.vertical_accuracy_m = 2;
+    second.gps_raw.separation_m = 36.4;
+    for (unsigned i = 0; i < 15; i++) {
+        give(&second);
+        fly(1);
+    }
+    fly(20);
+    second.gps_raw.separation_m = -80;
+    give(&second);
+    for (unsigned i = 0; i < 60; i++) {
+        fly(1);
+        assert_near(view.location.altitude_geodetic_m, sim.altitude_m + 36.4);
+    }
+}
+
 static void accuracies_follow_the_tables_of_the_standard(void **state)
 {
     static const struct {
@@ -639,6 +665,7 @@ int main(void)
         cmocka_unit_test_setup(the_geodetic_altitude_is_above_the_ellipsoid, begin_setup),
         cmocka_unit_test_setup(without_a_separation_the_geodetic_altitude_is_unknown, begin_setup),
         cmocka_unit_test_setup(a_separation_that_was_said_once_does_not_stay, begin_setup),
+        cmocka_unit_test_setup(a_separation_that_lasts_gives_way_to_no_single_word, begin_setup),
         cmocka_unit_test_setup(a_native_altitude_s_separation_serves_where_no_receiver_says_one,
                                begin_setup),
         cmocka_unit_test_setup(accuracies_follow_the_tables_of_the_standard, begin_setup),

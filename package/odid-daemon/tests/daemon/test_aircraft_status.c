@@ -342,7 +342,15 @@ static void a_crash_is_an_emergency_until_it_is_armed_again(void **state)
         fly(1);
         assert_int_equal(view.location.status, AIRCRAFT_EMERGENCY);
     }
+    doubted.heartbeat.base_mode = MAV_MODE_FLAG_SAFETY_ARMED; /* so did one that says armed */
+    give(&doubted);
     sim.heartbeat = true;
+    fly(5);
+    arm(true);
+    fly(0.3);
+    arm(false);
+    fly(20);
+    assert_int_equal(view.location.status, AIRCRAFT_EMERGENCY);
     assert_true(condition.crashed);
     arm(true);
     fly(5);

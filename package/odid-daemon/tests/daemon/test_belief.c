@@ -229,6 +229,22 @@ static void a_fix_that_is_lost_counts_at_once(void **state)
     assert_false(telemetry_contradicted(telemetry, now_us));
 }
 
+/* The autopilot tells of no receiver. After that one word nothing was believed to be its place, nor
+ * its time, and so anybody's was. */
+static void no_fix_once_is_no_open_door(void **state)
+{
+    (void)state;
+    assert_int_equal(feed(gps(1, 36)), 1);
+    now_us += 2 * SECOND;
+    for (unsigned i = 0; i < 60; i++) {
+        assert_int_equal(feed(native(100 + i, LATITUDE_E7)), 1);
+        assert_int_equal(feed(utc(UNIX_US + i * SECOND, boot_ms())), 1);
+        now_us += SECOND;
+    }
+    assert_int_equal(feed(native(159.5, LATITUDE_E7 + 1000 * FAR_E7)), 0);
+    assert_int_equal(feed(utc(UNIX_US + 365 * 86400 * SECOND, boot_ms())), 0);
+}
+
 /* Now it has a fix, and now it hasn't: that is one receiver. */
 static void a_receiver_at_the_edge_of_a_fix_does_not_contradict_itself(void **state)
 {
@@ -552,6 +568,7 @@ int main(void)
         TEST(what_is_believed_stands_whatever_is_said_of_fixes),
         TEST(no_fix_counts_when_nobody_says_otherwise),
         TEST(a_fix_that_is_lost_counts_at_once),
+        TEST(no_fix_once_is_no_open_door),
         TEST(a_receiver_at_the_edge_of_a_fix_does_not_contradict_itself),
         TEST(the_geoid_makes_no_steps),
         TEST(a_thousand_steps_in_one_instant_are_one),

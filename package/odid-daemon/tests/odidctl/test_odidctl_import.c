@@ -449,6 +449,17 @@ static void a_made_password_without_key_gets_it(void **state)
     assert_non_null(strstr(got(MADE), "    abcd-efgh-jkmn\r\n"));
 }
 
+/* As the volume shows it. */
+static const char *made_password(void)
+{
+    char *at = strstr(got(MADE), ":\r\n\r\n    ");
+
+    assert_non_null(at);
+    at += strlen(":\r\n\r\n    ");
+    at[strcspn(at, "\r")] = '\0';
+    return at;
+}
+
 /* The only copy that anybody could read went from the volume, its key stayed in force, and the
  * report said that a password was set; or it showed octets that nobody can type. */
 static void a_made_password_of_worn_flash_is_made_anew(void **state)
@@ -465,7 +476,7 @@ static void a_made_password_of_worn_flash_is_made_anew(void **state)
 
     (void)state;
     for (unsigned i = 0; i < 2 * COUNT(worn); i++) {
-        char *at;
+        const char *at;
 
         bench_clear(NULL);
         assert_int_equal(CALL("import", "volume"), 0);
@@ -474,14 +485,25 @@ static void a_made_password_of_worn_flash_is_made_anew(void **state)
             put_bytes("data/secrets/maintenance.psk", worn[i / 2].text, worn[i / 2].length);
         }
         assert_int_equal(CALL("import", "volume"), 0);
-        at = strstr(got(MADE), ":\r\n\r\n    ");
-        assert_non_null(at);
-        at += strlen(":\r\n\r\n    ");
-        at[strcspn(at, "\r")] = '\0';
+        at = made_password();
         assert_int_equal(strlen(at), 14);
         assert_int_equal(strspn(at, "abcdefghjkmnpqrstuvwxyz23456789-"), 14);
         assert_int_equal(password_check("data", at), 1);
     }
+}
+
+/* The password was shown, and its key in force nowhere. Too long to be read stands for worn out. */
+static void a_key_that_cannot_be_read_is_made_anew_of_the_made_password(void **state)
+{
+    static char worn[100000];
+
+    (void)state;
+    assert_int_equal(CALL("import", "volume"), 0);
+    memset(worn, '7', sizeof(worn) - 1);
+    put("data/secrets/maintenance.psk", worn);
+    assert_true(password_check("data", "whatever") < 0);
+    assert_int_equal(CALL("import", "volume"), 0);
+    assert_int_equal(password_check("data", made_password()), 1);
 }
 
 /* They are left on the volume, which any computer reads. */
@@ -768,6 +790,18 @@ static void a_full_data(void **state)
 
 #define TEST(function) cmocka_unit_test_setup(function, bench_clear)
 
+/* With the other half of the one that was in force it was one, and refused when it was checked. */
+static void half_of_a_place_is_no_place(void **state)
+{
+    (void)state;
+    put("volume/odid.conf", "[system]\noperator_location_type = fixed\noperator_latitude = 57.7\n"
+                            "operator_longitude = 11.9\n");
+    assert_int_equal(CALL("import", "volume"), 0);
+    put("volume/odid.conf", "[system]\noperator_location_type = fixed\noperator_latitude = 57.8\n");
+    assert_int_equal(CALL("import", "volume"), 1);
+    assert_non_null(strstr(got(REPORT), "one is set without the other"));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -787,6 +821,8 @@ int main(void)
         TEST(a_password_is_made_and_shown),
         TEST(a_made_password_without_key_gets_it),
         TEST(a_made_password_of_worn_flash_is_made_anew),
+        TEST(a_key_that_cannot_be_read_is_made_anew_of_the_made_password),
+        TEST(half_of_a_place_is_no_place),
         TEST(no_password_stays_in_a_file_that_does_not_count),
         TEST(a_refused_file_keeps_its_password),
         TEST(keys_are_taken_over),
