@@ -1922,7 +1922,7 @@ def test_a_damaged_vehicle_takes_no_telemetry_away(appliance, damaged):
 
 CARRY = """. /lib/odid/functions
 . /lib/odid/data-disk
-eval "$(sed -n '/^carry_over()/,/^}/p' /lib/odid/mend-data)"
+eval "$(sed -n '/^carry_.*()/,/^}/p; /^has_technician_s()/,/^}/p' /lib/odid/mend-data)"
 carry_over /run/mended"""
 
 

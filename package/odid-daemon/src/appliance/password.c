@@ -281,36 +281,34 @@ static bool is_made(const char *password)
 int password_show_made(const char *data, const char *directory, bool *made)
 {
     char path[PLACES_PATH_SIZE], password[MADE_LENGTH + 1];
-    bool known = password_known(data), worn;
-    int result = 0;
+    bool good, worn, known;
+    int right, result = 0;
 
     *made = false;
     data_path(data, MADE_FILE, path);
     read_line(path, password, sizeof(password));
+    good = is_made(password);
     /* Then it was the one in force (password_keep), and nobody can read it any more. */
-    worn = access(path, F_OK) == 0 && !is_made(password);
+    worn = !good && access(path, F_OK) == 0;
+    known = !worn && password_known(data);
+    right = good && known ? password_check(data, password) : -ENOENT;
     if (worn) {
         log_warning("the password that the board made is damaged: another one is made");
     }
-    known = known && !worn;
-    if (worn || (password[0] == '\0' && !known)) {
+    if (right == 0) { /* another one is in force */
+        good = false;
+        result = remove_file(path);
+    } else if (!good && !known) {
         result = make(data, password);
-    } else if (known && password[0] != '\0') {
-        int right = password_check(data, password);
-
-        known = right >= 0; /* else the key can't be read, and is made anew */
-        if (right == 0) {
-            password[0] = '\0'; /* another one is in force */
-            result = remove_file(path);
-        }
+        good = true;
     }
-    if (result == 0 && !known) {
+    if (result == 0 && good && right < 0) { /* its key isn't there, or can't be read */
         result = keep_key(data, password);
     }
     if (result < 0) {
         return result;
     }
-    *made = password[0] != '\0';
+    *made = good;
     data_path(directory, PASSWORD_NAME, path);
-    return *made ? show(data, path, password) : remove_file(path);
+    return good ? show(data, path, password) : remove_file(path);
 }

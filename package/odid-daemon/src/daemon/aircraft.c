@@ -183,20 +183,13 @@ static void take_crash(struct aircraft *aircraft, int64_t now_us)
     }
 }
 
-static void take_heartbeat(struct aircraft *aircraft, const struct telemetry_update *update,
-                           int64_t now_us)
+/* A flight begins, or ends, by what arming.h makes of the words. */
+static void take_armed(struct aircraft *aircraft, bool says_armed, bool doubtful, int64_t now_us)
 {
-    bool says_armed = update->heartbeat.base_mode & MAV_MODE_FLAG_SAFETY_ARMED;
-    bool flying, armed, first;
+    bool flying = aircraft_is_flying(aircraft, now_us);
+    bool armed = arming_take(&aircraft->arming, says_armed, doubtful, flying, now_us);
 
-    if (update->heartbeat.new_vehicle) {
-        forget_vehicle(aircraft);
-    }
-    aircraft_watch_landed_state(aircraft, now_us);
-    flying = aircraft_is_flying(aircraft, now_us);
-    armed = arming_take(&aircraft->arming, says_armed, update->heartbeat.doubtful, flying, now_us);
-    first = aircraft->heartbeat_us == INT64_MIN;
-    if (first && armed) {
+    if (armed && aircraft->heartbeat_us == INT64_MIN) { /* the first one */
         aircraft_begin_flight(aircraft, false, now_us);
         aircraft->takeoff = aircraft->kept_takeoff;
     } else if (armed && !aircraft->armed && !(flying && took_off_just_before(aircraft, now_us))) {
@@ -206,29 +199,52 @@ static void take_heartbeat(struct aircraft *aircraft, const struct telemetry_upd
     if (aircraft->armed && !armed) {
         aircraft->armed_ended_us = now_us;
     }
+    aircraft->armed = armed;
     aircraft->flies_unheard = false;
+    aircraft->heartbeat_us = now_us;
+}
+
+static void note_words(struct aircraft *aircraft, bool says_armed, bool doubtful, int64_t now_us)
+{
     aircraft->said_armed_us = says_armed ? now_us : aircraft->said_armed_us;
-    aircraft->says_disarmed = !says_armed && (!update->heartbeat.doubtful ||
-                                              !aircraft_fresh(aircraft->said_armed_us, now_us));
-    if (!says_armed || update->heartbeat.doubtful) {
+    aircraft->says_disarmed =
+        !says_armed && (!doubtful || !aircraft_fresh(aircraft->said_armed_us, now_us));
+    if (!says_armed || doubtful) {
         aircraft->only_armed_us = INT64_MIN;
     } else if (aircraft->only_armed_us == INT64_MIN) {
         aircraft->only_armed_us = now_us;
     }
-    aircraft->armed = armed;
-    aircraft->heartbeat_us = now_us;
+}
+
+/* Where two take turns, one word alone changes nothing. */
+static void take_state(struct aircraft *aircraft, uint8_t system_status, bool doubtful)
+{
+    if (!doubtful || aircraft->said_status == system_status) {
+        aircraft->system_status = system_status;
+    }
+    aircraft->said_status = system_status;
+}
+
+static void take_heartbeat(struct aircraft *aircraft, const struct telemetry_update *update,
+                           int64_t now_us)
+{
+    bool says_armed = update->heartbeat.base_mode & MAV_MODE_FLAG_SAFETY_ARMED;
+    bool doubtful = update->heartbeat.doubtful;
+
+    if (update->heartbeat.new_vehicle) {
+        forget_vehicle(aircraft);
+    }
+    aircraft_watch_landed_state(aircraft, now_us);
+    take_armed(aircraft, says_armed, doubtful, now_us);
+    note_words(aircraft, says_armed, doubtful, now_us);
     take_kind(aircraft, update, now_us);
     take_type(aircraft);
     take_crash(aircraft, now_us);
+    take_state(aircraft, update->heartbeat.system_status, doubtful);
     if (!aircraft->doubtful) {
         aircraft->doubtful_us = now_us;
     }
-    aircraft->doubtful = update->heartbeat.doubtful;
-    /* Where two take turns, one word alone changes nothing. */
-    if (!aircraft->doubtful || aircraft->said_status == update->heartbeat.system_status) {
-        aircraft->system_status = update->heartbeat.system_status;
-    }
-    aircraft->said_status = update->heartbeat.system_status;
+    aircraft->doubtful = doubtful;
     look_for_takeoff(aircraft, now_us);
 }
 
