@@ -57,6 +57,12 @@ ILLNESSES = {
         {**process(400, "wpa_supplicant", "/sbin/wpa_supplicant -B -i wlan0 -c /etc/wpa.conf"),
          "etc/network/interfaces": "auto lo\niface lo inet loopback\niface wlan0 inet dhcp\n"},
         r"wpa_supplicant \(process 400\) has wlan0", r"wpa_supplicant@wlan0", "/etc/network/interfaces:3"),
+    **{f"wpa_supplicant, as {whose} starts it": (
+        process(400, "wpa_supplicant", f"/sbin/wpa_supplicant {words}"), r"wpa_supplicant \(process 400\) has wlan0",
+        r"wpa_supplicant@wlan0", "/etc/network/interfaces") for whose, words in {
+            "systemd": "-c/etc/wpa_supplicant/wpa_supplicant-wlan0.conf -iwlan0",
+            "ifupdown": "-s -B -P /run/wpa_supplicant.wlan0.pid -i wlan0 -D nl80211,wext",
+        }.items()},
     "iwd": (process(400, "iwd", "/usr/libexec/iwd"), "iwd .* takes every wireless interface", "systemctl disable --now iwd", None),
     "dhcpcd": (
         {**process(400, "dhcpcd", "/usr/sbin/dhcpcd -w"), "etc/dhcpcd.conf": "hostname\n"},
@@ -91,6 +97,17 @@ ILLNESSES = {
     "no hostapd": (
         {"proc/310/comm": None, "proc/310/cmdline": None, "proc/310/exe": None},
         "hostapd isn't running", "systemctl start odid-hostapd@wlan0", "/lib/systemd/system/odid-hostapd@.service"),
+    "a hostapd for another interface alone": (
+        {"proc/310/cmdline": "/usr/sbin/hostapd\0/etc/hostapd/wlan1.conf\0", "etc/hostapd/wlan1.conf": "interface=wlan1\n"},
+        "hostapd isn't running", "systemctl start odid-hostapd@wlan0", "/lib/systemd/system/odid-hostapd@.service"),
+    "a hostapd of one's own that Debian has masked": (
+        {"proc/310/comm": None, "proc/310/cmdline": None, "proc/310/exe": None, **CONFIGURED,
+         "etc/hostapd/hostapd.conf": f"interface=wlan0\n{OF_ONES_OWN}"},
+        "hostapd isn't running", "systemctl unmask hostapd", None),
+    "a hostapd of one's own by the interface's name": (
+        {"proc/310/comm": None, "proc/310/cmdline": None, "proc/310/exe": None, **CONFIGURED,
+         "etc/hostapd/wlan0.conf": f"interface=wlan0\n{OF_ONES_OWN}"},
+        "hostapd isn't running", "systemctl enable --now hostapd@wlan0.service", None),
     "a hostapd of one's own without a socket": (
         {"etc/hostapd/hostapd.conf": "interface=wlan0\nctrl_interface_group=0\n"},
         "no control socket", "ctrl_interface_group=odid-hostapd", "/etc/hostapd/hostapd.conf:2"),
@@ -112,6 +129,9 @@ ILLNESSES = {
     "the kernel's console": (
         {"proc/cmdline": "console=ttyACM0,115200 root=/dev/sda1\n"}, "kernel writes its messages to the autopilot's port",
         "take that word out", "/boot/firmware/cmdline.txt:1"),
+    "the kernel's console behind a Raspberry Pi's own words": (
+        {"proc/cmdline": "smsc95xx.macaddr=DC:A6:32:00:00:01 " * 12 + "console=ttyACM0,115200\n"},
+        "kernel writes its messages to the autopilot's port", "take that word out", "/boot/firmware/cmdline.txt:1"),
     "another Remote ID program": (
         {**process(400, "python3", "python3 /opt/remote-id/main.py"),
          "etc/systemd/system/rid.service": "[Service]\nType=simple\nExecStart=/usr/bin/python3 /opt/remote-id/main.py\n"},
@@ -176,6 +196,7 @@ def test_who_disturbs_is_named_with_remedy_file_and_line(computer, files, senten
 
 HARMLESS = {
     "a wpa_supplicant of another interface": process(400, "wpa_supplicant", "/sbin/wpa_supplicant -i wlan01"),
+    "the kernel's console on another port": {"proc/cmdline": "console=ttyACM01,115200\n"},
     "NetworkManager that leaves it alone": {
         **process(400, "NetworkManager", "/usr/sbin/NetworkManager"), "run/NetworkManager/devices/3": "[device]\nmanaged=false\n"},
     "ModemManager that leaves the port alone": process(400, "ModemManager", "/usr/sbin/ModemManager"),

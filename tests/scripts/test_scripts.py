@@ -2431,6 +2431,30 @@ copy_old
     assert in_memory.read("data/ssh/authorized_keys") == "the technician's\n"
 
 
+FULL = """mkdir -p /run/mended && mount -t tmpfs -o size=64k full /run/mended && cp -a /run/prepared/. /run/mended/
+dd if=/dev/zero of=/run/mended/fill bs=1k 2>/dev/null
+exec /lib/odid/mend-data broken yes ''"""
+
+
+def test_what_a_full_disk_takes_no_more_is_said(in_memory):
+    """It was saved, and in effect, and was gone."""
+    in_memory.must("rm -rf /run/mended")
+    in_memory.write("run/prepared/odid/odid.conf", "as booted\n")
+    in_memory.change("lib/odid/mend-data", ("copy_settings /data /run/booted\n", "copy_settings /data /run/booted\necho saved since >/data/odid/odid.conf\n"))
+    mend(in_memory, FULL)
+    assert "save it again" in in_memory.fault("data")
+
+
+def test_a_password_that_a_full_disk_takes_no_more_leaves_the_board_s_own(in_memory):
+    """The technician's wasn't there, and the board's, which was in force, was known to nobody."""
+    in_memory.must("rm -rf /run/mended")
+    in_memory.write("run/prepared/secrets/maintenance.psk", "a" * 64 + "\nRemoteID-1\n")
+    in_memory.write("run/prepared/secrets/maintenance.made", "k7wd-93hp-qfxm\n")
+    in_memory.write("data/secrets/maintenance.psk", KEY + "\nRemoteID-1\n")
+    mend(in_memory, FULL)
+    assert in_memory.read("data/secrets/maintenance.made") == "k7wd-93hp-qfxm\n"
+
+
 def test_what_cannot_be_read_is_no_text(appliance):
     """A folder stands for it."""
     appliance.must(". /lib/odid/data-disk; ! is_text /data")

@@ -93,8 +93,13 @@ void pilot_channel(struct pilot *pilot, uint8_t vehicle, enum channel channel,
     bool on_air = state == RADIO_ON_AIR;
     char text[80];
 
-    if (!on_air && pilot->seen[channel] &&
-        now_us - radio_seen_since_us(radio, now_us) >= TOLD_AFTER_US &&
+    /* In whichever way it is off the air: one that goes to and fro between two isn't on it. */
+    if (on_air) {
+        pilot->off_us[channel] = 0;
+    } else if (pilot->off_us[channel] == 0) {
+        pilot->off_us[channel] = radio_seen_since_us(radio, now_us);
+    }
+    if (!on_air && pilot->seen[channel] && now_us - pilot->off_us[channel] >= TOLD_AFTER_US &&
         is_to_be_told(&pilot->lost_told_us[channel], now_us)) {
         pilot->lost[channel] = true;
         snprintf(text, sizeof(text), "Remote ID: %s off air (%s)", channel_title(channel),

@@ -24,6 +24,7 @@ struct pilot {
     pilot_send_fn *send;
     void *context;
     bool lost[CHANNELS], seen[CHANNELS];                  /* as last told */
+    int64_t off_us[CHANNELS];                             /* since when it isn't on air; 0: it is */
     int64_t lost_told_us[CHANNELS], contradicted_told_us; /* 0: isn't so */
 };
 

@@ -67,6 +67,8 @@ static struct {
     struct beacon_evidence evidence;
     struct beacon_room room;
     struct element newest, given, taken; /* given to hostapd last; taken by the chip last */
+    struct element unanswered; /* given when the connection went, or before that; not known since */
+    bool known;                /* what the chip has: what it took last, or nothing */
     struct retry retry;
     enum request request;
     bool enabled;       /* hostapd's interface transmits, as far as it knows */
@@ -248,11 +250,22 @@ static void find_state(const char *reply, char value[32])
 
 /* ---- a chip that refuses ---- */
 
-static void forget_refusals(void)
+/* Another hostapd may have another chip's driver, and a new start anyway. But the chip may be the
+ * same one, with an element of before in its beacons. */
+static void begin_anew(void)
 {
     self.refused = self.to_clear = false;
+    if (self.known) {
+        self.unanswered = self.given;
+    }
+    self.known = false;
     self.taken.length = 0;
     beacon_room_forget(&self.room);
+}
+
+static bool is_same(const struct element *a, const struct element *b)
+{
+    return a->length == b->length && memcmp(a->octets, b->octets, a->length) == 0;
 }
 
 /*
@@ -260,13 +273,15 @@ static void forget_refusals(void)
  * set all the same, and deletes it before it sets another one: which the chip, that hasn't got it,
  * refuses as well. What the chip may still have, and would send beside all others from now on, is
  * what it took last. Given back that one, the driver is right about the chip, which refuses; and
- * once that is cleared the chip has none.
+ * once that is cleared the chip has none. Where nobody knows which one it took last, the interface
+ * is switched off and on: then neither has any.
  */
 static void take_less(int64_t now_us)
 {
     bool more = beacon_room_refused(&self.room, messages_in(&self.given), now_us);
 
-    self.to_clear = true;
+    self.to_clear = self.known;
+    self.to_switch = !self.known;
     /* What is given whole once more is so when the cause may be over. */
     self.allowed_us = now_us + (more && self.room.refusals != 1 ? 0 : REFUSED_US);
     if (messages_in(&self.newest) > self.room.most) {
@@ -446,9 +461,11 @@ static void take_success(int64_t now_us)
 {
     retry_reset(&self.retry);
     self.taken = self.given;
+    /* What the driver takes for set already it answers without asking the chip. */
+    self.known = self.known || !is_same(&self.given, &self.unanswered);
     beacon_room_taken(&self.room, messages_in(&self.given), now_us);
-    if (self.remedy != REMEDY_NONE) {
-        return; /* it said so before */
+    if (self.remedy != REMEDY_NONE || beacon_evidence_is_down(&self.evidence, now_us)) {
+        return; /* it said so before; nor does it know of a switch */
     }
     enter_on_air(now_us);
     if (radio_accepted(self.radio, CHANNEL_WIFI, now_us) || !self.pending) {
@@ -478,6 +495,8 @@ static void on_reply(void *context, const char *reply, int64_t now_us)
     } else if (answered == REQUEST_ENABLE) {
         self.status_us = now_us;
         beacon_room_forget(&self.room); /* its driver has begun anew */
+        self.taken.length = self.unanswered.length = 0;
+        self.known = true;
     } else if (!ok) {
         take_refused_element(answered, reply, now_us);
     } else if (answered == REQUEST_SET) {
@@ -509,7 +528,7 @@ static void open_control(int64_t now_us)
     self.request = REQUEST_NONE;
     self.enabled = self.to_switch = false;
     self.enable_us = LOOP_NEVER;
-    forget_refusals(); /* another one may have another chip's driver, and a new start anyway */
+    begin_anew();
     self.status_us = self.allowed_us = now_us;
     advance(now_us);
 }
@@ -528,7 +547,9 @@ void wifi_beacon_start(const struct config *config, struct radio *radio, int64_t
 {
     self.config = config;
     self.radio = radio;
-    forget_refusals();
+    self.known = false;
+    self.unanswered.length = 0;
+    begin_anew();
     self.remedy = REMEDY_NONE;
     beacon_evidence_init(&self.evidence, config->run_dir, "/sys/class/net", config->wifi_iface);
     hostapd_control_init(&self.control, on_reply, on_lost, NULL);

@@ -194,15 +194,33 @@ static void judge_holders(struct doctor *doctor, const char *port)
     }
 }
 
+struct console {
+    char word[80];
+    bool there;
+};
+
+/* With its speed, or without. */
+static bool take_command_line(void *context, const char *line, unsigned number)
+{
+    struct console *console = context;
+    size_t length = strlen(console->word);
+
+    (void)number;
+    for (const char *at = line; (at = strstr(at, console->word)) != NULL; at += length) {
+        console->there = console->there || at[length] == '\0' || strchr(", ", at[length]) != NULL;
+    }
+    return false;
+}
+
 static void judge_console(struct doctor *doctor, const char *port)
 {
-    char line[DOCTOR_LINE_SIZE], word[80];
+    struct console console = {.there = false};
 
-    doctor_line(doctor, line, "/proc/cmdline");
-    snprintf(word, sizeof(word), "console=%.60s", port);
-    if (strstr(line, word) != NULL) {
+    snprintf(console.word, sizeof(console.word), "console=%.60s", port);
+    doctor_lines(doctor, "/proc/cmdline", take_command_line, &console);
+    if (console.there) {
         doctor_tell(doctor, "/boot/firmware/cmdline.txt", 1, "take that word out, and start anew",
-                    "The kernel writes its messages to the autopilot's port (%s).", word);
+                    "The kernel writes its messages to the autopilot's port (%s).", console.word);
     }
 }
 

@@ -202,11 +202,66 @@ static void judge_whose_it_is(struct doctor *doctor, const char *iface)
     }
 }
 
+/* By a configuration that it names. */
+static bool is_for_another(const struct doctor *doctor, const struct doctor_process *process)
+{
+    char command[DOCTOR_LINE_SIZE], ours[32], *rest = command, *word;
+    bool another = false;
+
+    snprintf(command, sizeof(command), "%s", process->command);
+    snprintf(ours, sizeof(ours), "interface=%s", doctor->config->wifi_iface);
+    strsep(&rest, " ");
+    while ((word = strsep(&rest, " ")) != NULL) {
+        if (word[0] != '/' || doctor_line_beginning(doctor, word, "interface=") == 0) {
+            continue;
+        }
+        if (doctor_line_beginning(doctor, word, ours) != 0) {
+            return false;
+        }
+        another = true;
+    }
+    return another;
+}
+
+static const struct doctor_process *our_hostapd(const struct doctor *doctor)
+{
+    for (size_t i = 0; i < doctor->count; i++) {
+        const struct doctor_process *process = &doctor->processes[i];
+
+        if (strcmp(process->name, "hostapd") == 0 && !is_for_another(doctor, process)) {
+            return process;
+        }
+    }
+    return NULL;
+}
+
+/* Where a person has a file for it, ours isn't started (odid-hostapd@.service). */
+static void tell_to_start(struct doctor *doctor, const char *iface)
+{
+    char remedy[160], ours[32], unit[40] = "odid-hostapd@.service";
+
+    snprintf(ours, sizeof(ours), "interface=%s", iface);
+    if (doctor_line_beginning(doctor, own_file, ours) != 0) {
+        snprintf(unit, sizeof(unit), "hostapd.service");
+        snprintf(remedy, sizeof(remedy),
+                 "systemctl unmask hostapd; systemctl enable --now hostapd");
+    } else if (doctor_exists(doctor, "/etc/hostapd/%s.conf", iface)) {
+        snprintf(unit, sizeof(unit), "hostapd@.service");
+        snprintf(remedy, sizeof(remedy), "systemctl enable --now hostapd@%s.service", iface);
+    } else {
+        snprintf(remedy, sizeof(remedy),
+                 "systemctl start odid-hostapd@%s, and what journalctl -u odid-hostapd@%s says",
+                 iface, iface);
+    }
+    doctor_tell(doctor, doctor_unit(doctor, unit), 0, remedy,
+                "hostapd isn't running: nothing is on the air by Wi-Fi.");
+}
+
 void doctor_hostapd(struct doctor *doctor)
 {
-    const struct doctor_process *process = doctor_process(doctor, "hostapd");
-    const char *iface = doctor->config->wifi_iface, *unit;
-    char version[16] = "", remedy[160], path[200];
+    const char *iface = doctor->config->wifi_iface;
+    const struct doctor_process *process = our_hostapd(doctor);
+    char version[16] = "", path[200];
     unsigned number;
 
     if (!doctor->config->wifi_beacon_enabled) {
@@ -216,15 +271,10 @@ void doctor_hostapd(struct doctor *doctor)
     judge_whose_it_is(doctor, iface);
     snprintf(path, sizeof(path), "/etc/hostapd/%s.conf", iface);
     judge_own_file(doctor, path);
+    if (process == NULL && !doctor->contained) {
+        tell_to_start(doctor, iface);
+    }
     if (process == NULL) {
-        snprintf(remedy, sizeof(remedy),
-                 "systemctl start odid-hostapd@%s, and what journalctl -u odid-hostapd@%s says",
-                 iface, iface);
-        unit = doctor_unit(doctor, "odid-hostapd@.service");
-        if (!doctor->contained) {
-            doctor_tell(doctor, unit, 0, remedy,
-                        "hostapd isn't running: nothing is on the air by Wi-Fi.");
-        }
         return;
     }
     number = hostapd_version(doctor, process->pid, version);
@@ -284,11 +334,18 @@ void doctor_network_manager(struct doctor *doctor)
                 remedy, "NetworkManager manages %s, and takes it away from hostapd.", iface);
 }
 
+/* As a word, or as one behind its -i. */
 static bool names_interface(const char *command, const char *iface)
 {
-    const char *at = strstr(command, iface);
+    char words[DOCTOR_LINE_SIZE], *rest = words, *word;
 
-    return at != NULL && (at[strlen(iface)] == '\0' || at[strlen(iface)] == ' ');
+    snprintf(words, sizeof(words), "%s", command);
+    while ((word = strsep(&rest, " ")) != NULL) {
+        if (strcmp(strncmp(word, "-i", 2) == 0 ? word + 2 : word, iface) == 0) {
+            return true;
+        }
+    }
+    return false;
 }
 
 static void judge_wireless(struct doctor *doctor, const struct doctor_process *process)

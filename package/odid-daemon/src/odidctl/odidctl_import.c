@@ -243,20 +243,24 @@ static bool parse(struct import *self, struct config *config, const char *text, 
 static bool import_text(struct import *self, const char *path, char *text, size_t length)
 {
     char password[CONFIG_PASSWORD_MAX + 1], *blanked;
-    struct config config, alone;
+    struct config config;
     unsigned lines;
-    bool in_force = false, right;
+    bool in_force = false, right, alone;
 
-    /* Over what is in force: "using ..." then names what stays in force. */
-    read_in_force(self->places, &config);
+    /* It counts as it stands. Of what is refused "using ..." names what stays in force instead. */
+    config_defaults(&config);
+    alone = config_parse(&config, self->name, text, length, config_ignore_sentence, NULL) == 0;
+    if (alone) {
+        config_defaults(&config);
+    } else {
+        read_in_force(self->places, &config);
+    }
     right = parse(self, &config, text, length);
-    /* It counts without that: half of a place with the other half of another one is none. */
-    config_defaults(&alone);
-    if (right && config_parse(&alone, self->name, text, length, config_ignore_sentence, NULL) > 0) {
-        right = parse(self, &alone, text, length);
+    if (right && !alone) { /* half of a place, with the other half of the one in force */
+        config_defaults(&config);
+        right = parse(self, &config, text, length);
     }
     explicit_bzero(&config, sizeof(config));
-    explicit_bzero(&alone, sizeof(alone));
     if (length > 0 && config_not_ini(text, length) == NULL) {
         note_oddities(self, text, length);
     }

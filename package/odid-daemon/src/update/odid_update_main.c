@@ -20,6 +20,7 @@
 #include "update/update_hawkbit.h"
 #include "update/update_places.h"
 #include "update/update_question.h"
+#include "update/update_slot.h"
 
 #define SECOND_US 1000000
 
@@ -104,6 +105,17 @@ static void on_tick(void *context, int64_t now_us)
 
 /* ---- what SWUpdate does ---- */
 
+/* By the description that was verified: what SWUpdate tells of an update has its server's words in
+ * it. */
+static void take_version(void)
+{
+    struct update_bundle bundle;
+
+    if (!self.beside && update_bundle_read_description(DESCRIPTION, &bundle) == 0) {
+        update_version(&self.update, bundle.version);
+    }
+}
+
 static void on_begins(int64_t now_us)
 {
     if (self.passed || self.update.state == UPDATE_CHECKING) {
@@ -113,7 +125,13 @@ static void on_begins(int64_t now_us)
     self.source = UPDATE_SOURCE_UNKNOWN;
     self.refused[0] = '\0';
     if (!self.beside) {
+        /* Said in a process before this one: the gate alone has the slot written to. */
+        self.passed = update_slot_is_writable(self.other);
+        self.unattended = self.passed; /* for all that is known */
         begin_update(now_us);
+    }
+    if (self.passed) {
+        take_version();
     }
 }
 
@@ -216,17 +234,6 @@ static bool is_known(void)
 {
     return self.beside || self.update.state == UPDATE_CHECKING ||
            self.update.state == UPDATE_INSTALLING;
-}
-
-/* By the description that was verified: what SWUpdate tells of an update has its server's words in
- * it. */
-static void take_version(void)
-{
-    struct update_bundle bundle;
-
-    if (!self.beside && update_bundle_read_description(DESCRIPTION, &bundle) == 0) {
-        update_version(&self.update, bundle.version);
-    }
 }
 
 static void judge_offer(char answer[UPDATE_SENTENCE_SIZE])

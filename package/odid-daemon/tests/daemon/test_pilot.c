@@ -185,6 +185,21 @@ static void what_lasts_is_told_again_every_30_seconds(void **state)
     assert_int_equal(sources, channel + 3);
 }
 
+/* hostapd that ends again and again: each way of being off the air began anew within the second. */
+static void one_that_goes_to_and_fro_is_told_like_one_that_is_gone(void **state)
+{
+    unsigned told = 0;
+
+    (void)state;
+    channel_at(RADIO_ON_AIR, 0, 1 * SECOND);
+    for (int64_t now = 2; now < 92; now++) {
+        sent_count = 0;
+        told += channel_at(now % 2 == 0 ? RADIO_LOST : RADIO_ABSENT, now * SECOND - SECOND / 2,
+                           now * SECOND);
+    }
+    assert_int_equal(told, 3);
+}
+
 static void a_repair_within_a_second_is_not_told(void **state)
 {
     (void)state;
@@ -290,6 +305,7 @@ int main(void)
         cmocka_unit_test_setup(frames_are_numbered, setup),
         cmocka_unit_test_setup(a_lost_channel_is_told_and_its_return_once, setup),
         cmocka_unit_test_setup(what_lasts_is_told_again_every_30_seconds, setup),
+        cmocka_unit_test_setup(one_that_goes_to_and_fro_is_told_like_one_that_is_gone, setup),
         cmocka_unit_test_setup(a_repair_within_a_second_is_not_told, setup),
         cmocka_unit_test_setup(a_channel_that_never_was_on_air_is_not_lost, setup),
         cmocka_unit_test_setup(one_that_does_not_come_back_after_a_restart_is_lost, setup),

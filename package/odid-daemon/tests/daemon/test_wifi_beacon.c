@@ -357,6 +357,46 @@ static void what_was_refused_once_goes_out_whole_again(void **state)
     end_slots();
 }
 
+/* What the chip took last was forgotten with the connection: it stayed in every beacon, with an old
+ * place, beside all later ones. */
+static void no_element_of_before_stays_beside_the_later_ones(void **state)
+{
+    static const struct {
+        unsigned hangs_ms;
+        bool refused_then, killed;
+    } cases[] = {{2500, false, false}, {1300, true, false}, {0, true, true}};
+
+    (void)state;
+    for (unsigned i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+        if (i > 0) {
+            tear_down(state);
+            set_up(state);
+        }
+        start_slots();
+        assert_true(loop_until(all_is_heard, 600));
+        fake.hangs = cases[i].hangs_ms > 0;
+        fake.refuses = !cases[i].refused_then;
+        run_ms(cases[i].hangs_ms);
+        fake.hangs = false;
+        if (cases[i].killed) { /* the one that was told to take it out isn't */
+            struct fake_hostapd before = fake;
+
+            wifi_beacon_stop();
+            run_ms(20);
+            memcpy(fake.configured, before.configured, sizeof(before.configured));
+            memcpy(fake.driver, before.driver, sizeof(before.driver));
+            memcpy(fake.chip, before.chip, sizeof(before.chip));
+            wifi_beacon_start(&config, &radio, loop_now_us());
+        }
+        fake.refuses = fake.refuses > 0 || cases[i].refused_then;
+        run_ms(10000);
+        assert_int_equal(fake.refuses, 0);
+        assert_true(all_is_heard());
+        assert_string_equal(fake.chip[1], "");
+        end_slots();
+    }
+}
+
 static void what_was_refused_twice_goes_out_whole_later(void **state)
 {
     (void)state;
@@ -756,6 +796,7 @@ int main(void)
         TEST(what_a_chip_refused_goes_out_shorter),
         TEST(one_that_takes_little_has_them_one_by_one),
         TEST(what_was_refused_once_goes_out_whole_again),
+        TEST(no_element_of_before_stays_beside_the_later_ones),
         TEST(what_was_refused_twice_goes_out_whole_later),
         TEST(trying_more_costs_hardly_a_beacon),
         TEST(an_interface_that_is_down_is_no_refusal),

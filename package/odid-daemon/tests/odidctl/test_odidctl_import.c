@@ -800,6 +800,10 @@ static void half_of_a_place_is_no_place(void **state)
     put("volume/odid.conf", "[system]\noperator_location_type = fixed\noperator_latitude = 57.8\n");
     assert_int_equal(CALL("import", "volume"), 1);
     assert_non_null(strstr(got(REPORT), "one is set without the other"));
+    /* Nor does half of the one in force make one of none: it was refused for what it doesn't say.
+     */
+    put("volume/odid.conf", "[system]\noperator_latitude =\n");
+    assert_int_equal(CALL("import", "volume"), 0);
 }
 
 int main(void)

@@ -509,6 +509,29 @@ static void swupdate_ends(bool installing)
     on_lost(installing, now_us);
 }
 
+/* A process of it that came while SWUpdate writes didn't hold what it wrote: the aircraft might be
+ * armed, and was, and what got on was ended as if it stood still. */
+static void what_is_being_written_is_taken_up_by_the_next_process(void **state)
+{
+    (void)state;
+    board.bt5 = "on air";
+    slot_a_runs_1_0_0();
+    written();
+    begin(false);
+    on_begins(now_us); /* as it is told again */
+    on_source(UPDATE_SOURCE_OTHER);
+    for (int percent = 51; percent < 100; percent++) {
+        on_progress(percent, now_us);
+        pass(1);
+        assert_int_equal(access(UPDATING, F_OK), 0);
+        assert_int_equal(board.ended, 0);
+    }
+    assert_string_equal(self.update.version, "1.1.0");
+    board.armed = true;
+    pass(2);
+    assert_true(board.ended > 0);
+}
+
 /* Anybody can, every 20 s: it was "checking" for ever. */
 static void one_that_is_begun_again_and_again_is_ended(void **state)
 {
@@ -1221,6 +1244,7 @@ int main(void)
         cmocka_unit_test_setup(after_one_that_broke_off_hawkbit_is_left_alone, setup),
         cmocka_unit_test_setup(a_server_that_offers_garbage_is_left_alone, setup),
         cmocka_unit_test_setup(one_that_is_begun_again_and_again_is_ended, setup),
+        cmocka_unit_test_setup(what_is_being_written_is_taken_up_by_the_next_process, setup),
         cmocka_unit_test_setup(one_that_began_in_a_trial_is_watched_when_that_is_over, setup),
         cmocka_unit_test_setup(a_server_is_told_of_its_update_when_no_other_one_comes_in, setup),
         cmocka_unit_test_setup(one_that_was_refused_in_a_trial_is_over, setup),
