@@ -180,10 +180,10 @@ def heard_until_s(one, there, late_s):
     return end_s
 
 
-# A daemon that has just begun knows the geoid's separation with the autopilot's next GPS_RAW_INT, the time with its next
-# SYSTEM_TIME: where the autopilot is there. Until then a way is reckoned from when a place was heard, which a radio may have
+# A daemon that has just begun knows the geoid's separation with the autopilot's next GPS_RAW_INT, and that there is no fix any more,
+# which went while the one before it hung; the time with its next SYSTEM_TIME: where the autopilot is there. Until then a way is reckoned from when a place was heard, which a radio may have
 # had from before.
-KNOWN_SOON = {"played.altitude", "played.system_time", "played.time", "played.time_unknown", "plausibility.jump"}
+KNOWN_SOON = {"played.fix", "played.altitude", "played.system_time", "played.time", "played.time_unknown", "plausibility.jump"}
 SECOND_S = 1.0
 
 

@@ -74,6 +74,9 @@ EVER_FAILED = {
     "a native fix after a restart didn't confirm the position of the same burst": (501425, (
         "bcm43455", "serial", (0.0, 0), False, ("ArduPilot with Open Drone ID, without GPS_RAW_INT", 8), [
             ("autopilot_restarts", 14.143634, 1.648379)])),
+    "the law had a new daemon know that a fix had gone while the one before it hung": (601327, (
+        "bcm43455", "udp", (0.1, 40000), True, ("ArduPilot with Open Drone ID, late", 3), [
+            ("daemon_killed", 11.524456, 0.470799), ("daemon_hangs", 151.579974, 5.080311), ("gnss_lost", 152.312181, 6.314162)])),
     "the judge gave a late machine a native altitude for three seconds to the millisecond": (500287, (
         "full", "udp", (0.3, 150000), False, ("ArduPilot with Open Drone ID, without GPS_RAW_INT", 8), [
             ("another_vehicle", 24.825023, 0.045932), ("crafted_frames", 67.150694, 7.06752),
